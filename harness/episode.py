@@ -10,6 +10,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
+import mujoco
 from google.protobuf.message import Message
 
 from wayproof.harness.config import LatencyConfig
@@ -94,6 +95,11 @@ class Episode:
         self._reached = 0  # goals before the next decision
         self._chain = navigator.chain  # of the decisions in the log
         self._following = False  # whether the newest decision is logged, and the body follows it
+
+    @property
+    def data(self) -> mujoco.MjData:
+        """State of the simulation."""
+        return self._simulation.data
 
     @property
     def parts(self) -> dict[str, Stateful]:

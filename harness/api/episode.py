@@ -22,6 +22,7 @@ from wayproof.harness.tables.tables import TABLES
 from wayproof.harness.trace import read_trace
 from wayproof.harness.viewer.moments import Moment, moments
 from wayproof.maps import states_in
+from wayproof.maps.costmap.nav2_costs import costs_of
 from wayproof.maps.grid import cell_box, centres
 
 if TYPE_CHECKING:
@@ -36,12 +37,20 @@ class MapArrays(NamedTuple):
 
     Attributes:
         states: (nx, ny, nz) uint8: 0 unknown, 1 free, 2 occupied.
+        distances: (cx, cy, cz) float32: distance of the centre of a cell of the costmap to what is
+            occupied, m; cz is 1 of a body that walks. Infinite where it is beyond the inflation.
+        costs: (cx, cy, cz) uint8 by Nav2's scale: 254 occupied, 253 within the body's radius and
+            the margin, 252 to 0 beyond; 255 unknown.
+        costs_low: (3,) lower corner of the first cell of the costmap, world, m.
         low: (3,) lower corner of the first cell, world, m.
         resolution: Edge of a cell, m.
         version: Hash of the whole map's content.
     """
 
     states: NDArray[np.uint8]
+    distances: NDArray[np.float32]
+    costs: NDArray[np.uint8]
+    costs_low: NDArray[np.float64]
     low: NDArray[np.float64]
     resolution: float
     version: str
@@ -137,7 +146,21 @@ class RecordedEpisode:
         states = states_in(moment.map, low, high)
         first, _ = cell_box(low, high, resolution)
         corner = centres(first, resolution) - 0.5 * resolution
-        return MapArrays(states, corner, resolution, moment.decision.map_version)
+        costmap = moment.costmap
+        squared = costmap.obstacle_clearance
+        distances = (np.sqrt(squared, dtype=np.float32) * resolution).astype(np.float32)
+        distances[squared >= costmap.truncation] = np.inf
+        layers = range(costmap.shape[2])
+        costs = [costs_of(costmap, one, costmap.collision_distance_sq) for one in layers]
+        return MapArrays(
+            states=states,
+            distances=distances,
+            costs=np.stack(costs, axis=2),
+            costs_low=costmap.origin.copy(),
+            low=corner,
+            resolution=resolution,
+            version=moment.decision.map_version,
+        )
 
     def points_at(self, sequence: int) -> NDArray[np.float64]:  # (n, 3)
         """Return the ends of a decision's beams that met something, (n, 3) m, world.
@@ -205,12 +228,12 @@ def run(
     from wayproof.harness.scenario.worlds import refuse_other_worlds
 
     given = {"world": world, "robot": robot, "seed": seed}
-    pairs = [f"{name}={_text(value)}" for name, value in (settings or {}).items()]
+    pairs = [f"{name}={text_of(value)}" for name, value in (settings or {}).items()]
     config = override(from_document(given), pairs)
     refuse_other_worlds(world, pairs)
     if goals:
         *waypoints, goal = (one if isinstance(one, str) else tuple(one) for one in goals)
-        config = override(config, [f"waypoints={_text(waypoints)}", f"goal={_text(goal)}"])
+        config = override(config, [f"waypoints={text_of(waypoints)}", f"goal={text_of(goal)}"])
     if perturb is not None:
         config = with_perturbation(config, perturbation_from(perturb))
     if stack is not None:
@@ -221,7 +244,8 @@ def run(
     return open(path)
 
 
-def _text(value: object) -> str:
+def text_of(value: object) -> str:
+    """Return a setting as `--set` takes it."""
     return value if isinstance(value, str) else msgspec.json.encode(value).decode()
 
 

@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from numpy.typing import NDArray
 
 from wayproof.harness.study.report.palette import BELIEVED, LIMIT, TRUE, action_colour
@@ -50,11 +51,14 @@ def plot_episode(episode: RecordedEpisode) -> Figure:
         error.set_ylabel("position error, m")
         latency.plot(times, decisions["latency_ms"], color=BELIEVED, label="latency")
         latency.set_yscale("log")
+        latency.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        latency.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        latency.yaxis.set_minor_locator(NullLocator())
         latency.set_ylabel("latency, ms")
         latency.set_xlabel("simulated time, s")
         for axes in (clearance, speed, error, latency):
             _shade(axes, times, decisions["action"].to_pylist())
-            axes.legend(loc="upper right", frameon=True)
+            axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, frameon=False)
         shown = dict.fromkeys(decisions["action"].to_pylist())
         patches = [Patch(color=action_colour(one), alpha=0.35, label=one) for one in shown]
         figure.legend(handles=patches, loc="outside lower center", ncols=len(patches))

@@ -25,8 +25,9 @@ from wayproof.harness.interface.types import Motion, Observation, Task, Velocity
 Arrays = dict[str, NDArray[Any]]
 """An observation by name."""
 
-ObservationKind = Literal["scan", "sweeps"]
-"""`scan`: the tensors of a policy. `sweeps`: besides, each sensor's ranges and the pose."""
+ObservationKind = Literal["scan", "flat", "sweeps"]
+"""`scan`: the tensors of a policy. `flat`: the same in one row, in the order of `OBSERVATION`.
+`sweeps`: besides, each sensor's ranges and the pose."""
 
 ActionKind = Literal["velocity", "waypoints"]
 """Meaning of an action."""
@@ -41,7 +42,9 @@ MAX_POSITION_M = 1e5
 """Farthest coordinate of a pose, m."""
 
 
-def observation_space(kind: ObservationKind, beams: Mapping[str, Beams]) -> spaces.Dict:
+def observation_space(
+    kind: ObservationKind, beams: Mapping[str, Beams]
+) -> spaces.Dict | spaces.Box:
     """Return the space of observations.
 
     Args:
@@ -52,6 +55,12 @@ def observation_space(kind: ObservationKind, beams: Mapping[str, Beams]) -> spac
         name: spaces.Box(space.low, space.high, space.shape, np.float32)
         for name, space in OBSERVATION.items()
     }
+    if kind == "flat":
+        low, high = (
+            np.concatenate([np.full(one.shape, one[bound]) for one in OBSERVATION.values()])
+            for bound in (1, 2)
+        )
+        return spaces.Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
     if kind == "sweeps":
         limits = np.array([MAX_POSITION_M] * 3 + [1.0] * 4)
         boxes["pose"] = spaces.Box(-limits, limits, dtype=np.float64)
@@ -76,10 +85,20 @@ def observed(
     return arrays
 
 
+def as_given(kind: ObservationKind, arrays: Arrays) -> Arrays | NDArray[np.float32]:
+    """Return an observation as a caller gets it, who may keep and change it."""
+    if kind == "flat":
+        return np.concatenate([arrays[name] for name in OBSERVATION])
+    return {name: array.copy() for name, array in arrays.items()}
+
+
 def action_space(kind: ActionKind) -> spaces.Box:
     """Return the space of actions: shares of the body's limits, or of `REACH_M`."""
-    shape = ACTION.shape if kind == "velocity" else (WAYPOINTS, 3)
-    return spaces.Box(ACTION.low, ACTION.high, shape, np.float32)
+    return spaces.Box(ACTION.low, ACTION.high, _action_shape(kind), np.float32)
+
+
+def _action_shape(kind: ActionKind) -> tuple[int, ...]:
+    return ACTION.shape if kind == "velocity" else (WAYPOINTS, 3)
 
 
 def motion_of(kind: ActionKind, action: NDArray[Any], task: Task, seen: Observation) -> Motion:
@@ -89,7 +108,7 @@ def motion_of(kind: ActionKind, action: NDArray[Any], task: Task, seen: Observat
         InputError: It has another shape.
     """
     values = np.asarray(action, np.float32)
-    shape = action_space(kind).shape
+    shape = _action_shape(kind)
     if values.shape != shape:
         raise InputError(f"action: got shape {values.shape}, expected {shape}")
     return MOTIONS[kind](values, task, seen)

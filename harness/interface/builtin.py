@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 
-from wayproof.harness.config_document import from_document
-from wayproof.harness.inputs import Inputs, Pose, SweepInput
+from wayproof.harness.interface.local_costmap import config_of, inputs_of
 from wayproof.harness.interface.motion import trajectory_of
-from wayproof.harness.interface.types import Command, Observation, Sweep, Task, Velocity
+from wayproof.harness.interface.types import Command, Observation, Task, Velocity
 from wayproof.harness.stack.build import build_navigator
 from wayproof.harness.stack.planner_input import motion_limits
-from wayproof.models.poses import Trail
 
 
 class BuiltinStack:
@@ -19,8 +16,7 @@ class BuiltinStack:
 
     def start(self, task: Task) -> None:
         """Build the navigator of this mission."""
-        named = {"world": "", "robot": task.robot, "seed": task.seed}
-        config = from_document({**named, **json.loads(task.settings)})
+        config = config_of(task)
         self._deadline_s, self._planar = task.deadline_s, task.mission.planar
         self._limits = motion_limits(config, task.mission)
         beams = {name: sensor.beams for name, sensor in task.sensors.items()}
@@ -31,7 +27,7 @@ class BuiltinStack:
         navigator = self._navigator
         if observation.last is not None:
             self._commit_last(observation)
-        self._decision = navigator.step(_inputs(observation))
+        self._decision = navigator.step(inputs_of(observation))
         trajectory = navigator.draft.trajectory
         path = navigator.draft.global_path
         return Command(
@@ -65,29 +61,3 @@ class BuiltinStack:
             ).trajectory
             state = replace(navigator.state, committed=(brake,), route=None)
             navigator.load_state(state, navigator.chain)
-
-
-def _inputs(observation: Observation) -> Inputs:
-    """Return the navigator's inputs in own arrays: kernels compile anew for read-only ones."""
-    trail = observation.trail
-    if trail is not None:
-        trail = Trail(trail.positions.copy(), trail.quaternions.copy(), trail.period)
-    pose = Pose(
-        position=observation.position.copy(),
-        quaternion=observation.quaternion.copy(),
-        position_sigma=observation.position_sigma,
-        trail=trail,
-        heading_sigma=observation.heading_sigma,
-        covariance=None if observation.covariance is None else observation.covariance.copy(),
-        unheld=observation.unheld.copy(),
-        age_ns=observation.pose_age_ns,
-    )
-    sweeps = tuple(_sweep_input(sweep) for sweep in observation.sweeps)
-    return Inputs(observation.time_ns, observation.sequence, pose, sweeps, digest="")
-
-
-def _sweep_input(sweep: Sweep) -> SweepInput:
-    classes = None if sweep.classes is None else sweep.classes.copy()
-    return SweepInput(
-        sweep.sensor, sweep.ranges_mm.copy(), classes, age_ns=sweep.age_ns, lag=sweep.lag
-    )

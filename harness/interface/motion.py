@@ -8,11 +8,13 @@ the limits is followed as closely as they let the body.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from wayproof.harness.geometry import wrap_angle
+from wayproof.harness.interface.kernels import STEP_S, roll_out
 from wayproof.harness.interface.limits import (
     clips,
     exceeds,
@@ -31,8 +33,10 @@ from wayproof.harness.interface.motion_checks import (
     refuse_backwards,
     refuse_elsewhere,
 )
+from wayproof.harness.interface.observations import reference_at
 from wayproof.harness.interface.types import Array, Motion, Reference, Samples, Velocity, Waypoints
-from wayproof.maps.elementary import arc_tangent, norm, sines_cosines
+from wayproof.harness.stack.gait import Gait
+from wayproof.maps.elementary import arc_tangent, norm
 from wayproof.planners import (
     MotionLimits,
     PathState,
@@ -45,9 +49,6 @@ from wayproof.planners import (
     turn_in_place,
 )
 from wayproof.planners.jerk_limited import at_rest, ramped
-
-STEP_S = 0.01
-"""Time step of the rollout of a velocity, s."""
 
 MAX_DURATION_S = 10.0
 """Longest time for which a velocity holds, s."""
@@ -132,6 +133,35 @@ def trajectory_of(
     return Followed(_joined(effect_ns, within.positions, within.headings, STEP_S), limited=True)
 
 
+def commanded(
+    motion: Motion, followed: Trajectory, position: Array, effect_ns: int, gait: Gait, planar: bool
+) -> Followed:
+    """Return the trajectory of a motion that goes on from the one that the body follows.
+
+    Args:
+        motion: Motion of a command.
+        followed: Trajectory that the body follows.
+        position: (3,) estimated position, where a trajectory may begin as well, m.
+        effect_ns: Time of effect, ns.
+        gait: How the body moves.
+        planar: Whether it walks.
+
+    Raises:
+        MotionError: As of `trajectory_of`.
+    """
+    reference = reference_at(followed, effect_ns, None)
+    return trajectory_of(
+        motion,
+        (reference, replace(reference, position=position)),
+        effect_ns,
+        gait.limits,
+        planar=planar,
+        acceleration=followed.at(effect_ns).acceleration,
+        sideways_speed=gait.sideways_speed,
+        followed=followed,
+    )
+
+
 def _roll_out(
     velocity: Velocity,
     reference: Reference,
@@ -151,38 +181,19 @@ def _roll_out(
     speed = norm(target)
     if speed > limits.speed:
         target *= limits.speed / speed
+    steps = round(velocity.duration_s / STEP_S)
+    moving = reference.velocity * np.array([1.0, 1.0, 0.0 if planar else 1.0])
     yaw_rate = min(max(velocity.yaw_rate, -limits.yaw_rate), limits.yaw_rate)
-    current = reference.velocity * np.array([1.0, 1.0, 0.0 if planar else 1.0])
-    positions, headings = [reference.position], [reference.heading]
-    turning, steps = reference.yaw_rate, round(velocity.duration_s / STEP_S)
-    while len(positions) <= steps or norm(current) > 0.0 or turning != 0.0:
-        if len(positions) > MAX_SAMPLES:
-            raise MotionError("velocity: the body does not come to rest")
-        if len(positions) > steps:
-            target, yaw_rate = np.zeros(3), 0.0
-        next_turning = _towards(turning, yaw_rate, limits.yaw.acceleration * STEP_S)
-        heading = headings[-1] + 0.5 * (turning + next_turning) * STEP_S
-        turning = next_turning
-        before = current
-        change = _in_world(target, heading) - current
-        size = norm(change)
-        largest = limits.acceleration * STEP_S
-        current = current + (change if size <= largest else change * (largest / size))
-        positions.append(positions[-1] + 0.5 * (before + current) * STEP_S)
-        headings.append(heading)
-    return _joined(effect_ns, np.array(positions), np.array(headings), STEP_S)
-
-
-def _towards(value: float, target: float, largest: float) -> float:
-    return value + min(max(target - value, -largest), largest)
-
-
-def _in_world(vector: Array, heading: float) -> Array:
-    """Rotate a vector of the body's frame to the world's, by the heading alone."""
-    sines, cosines = sines_cosines(np.array([heading]))
-    sine, cosine = float(sines[0]), float(cosines[0])
-    x, y, z = vector.tolist()
-    return np.array([cosine * x - sine * y, sine * x + cosine * y, z])
+    turning = float(reference.yaw_rate), float(yaw_rate)
+    changes = limits.acceleration * STEP_S, limits.yaw.acceleration * STEP_S
+    slowest = max(max(norm(moving), limits.speed) / changes[0], max(map(abs, turning)) / changes[1])
+    room = min(steps + int(min(slowest, MAX_SAMPLES)) + 4, MAX_SAMPLES + 1)
+    positions, headings = np.empty((room, 3)), np.empty(room)
+    positions[0], headings[0] = reference.position, reference.heading
+    count = roll_out(steps, moving, turning, target, changes, positions, headings)
+    if count > len(positions):
+        raise MotionError("velocity: the body does not come to rest")
+    return _joined(effect_ns, positions[:count].copy(), headings[:count].copy(), STEP_S)
 
 
 def _waypoint_trajectory(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import hashlib
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
 from typing import Any, TypeVar
 
@@ -111,7 +112,7 @@ class ObservationBuilder:
         height = float(inputs.pose.position[2]) if self._mission.motion == "ground" else None
         reference = reference_at(followed, effect_ns, height)
         reference.position.flags.writeable = reference.velocity.flags.writeable = False
-        own_pose = copy.deepcopy(inputs.pose)
+        own_pose = _own(inputs.pose)
         return Observation(
             time_ns=inputs.time_ns,
             sequence=inputs.sequence,
@@ -134,10 +135,13 @@ class ObservationBuilder:
         )
 
     def _sweep(self, sweep: SweepInput, pose: Pose, sequence: int) -> Sweep:
-        place = partial(self._beams[sweep.sensor].place, copy.deepcopy(sweep), pose, sequence)
+        beams, ranges_mm = copy.deepcopy(sweep.beams), sweep.ranges_mm.copy()
+        own = replace(sweep, ranges_mm=ranges_mm, beams=beams)
+        place = partial(self._beams[sweep.sensor].place, own, pose, sequence)
         classes = None if sweep.classes is None else read_only(sweep.classes)
-        ranges_mm = read_only(sweep.ranges_mm)
-        return Sweep(sweep.sensor, ranges_mm, classes, place, sweep.age_ns, sweep.lag)
+        return Sweep(
+            sweep.sensor, read_only(sweep.ranges_mm), classes, place, sweep.age_ns, sweep.lag
+        )
 
     def _twist(self, inputs: Inputs) -> tuple[Array, float]:
         """Return the velocity (3,), m/s, and yaw rate, rad/s, from this pose and the one before."""
@@ -147,6 +151,12 @@ class ObservationBuilder:
             return np.zeros(3), 0.0
         elapsed = (inputs.time_ns - before[0]) * 1e-9
         return (position - before[1]) / elapsed, wrap_angle(heading - before[2]) / elapsed
+
+
+def _own(pose: Pose) -> Pose:
+    """Return what a sweep is placed by, with memory of its own."""
+    trail = _read_only_trail(pose.trail)
+    return Pose(pose.position.copy(), pose.quaternion.copy(), pose.position_sigma, trail)
 
 
 def _read_only_trail(trail: Trail | None) -> Trail | None:

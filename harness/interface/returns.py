@@ -13,6 +13,7 @@ from typing import Literal
 import numpy as np
 
 from wayproof.harness.geometry import yaw_of_quaternion
+from wayproof.harness.interface.kernels import take_nearest
 from wayproof.harness.interface.types import Array, Observation
 from wayproof.harness.mission import Mission
 from wayproof.maps.elementary import sines_cosines
@@ -36,12 +37,8 @@ def body_returns(
         frame: `world`, or `body`: about the estimated position, x forward, y left, z up, level.
         thinned_m: Edge of a cube, m; the first return in each cube is kept. 0 keeps all.
     """
-    points = np.vstack([sweep.points for sweep in observation.sweeps] or [np.zeros((0, 3))])
-    height = float(observation.position[2])
-    low, high = height - mission.radius, height + mission.radius
-    if mission.planar:
-        floor = height - mission.start[2] + FLOOR_NOISE_M
-        low, high = floor + mission.step_height, floor + mission.height
+    points = np.vstack([np.zeros((0, 3)), *(sweep.points for sweep in observation.sweeps)])
+    low, high = band_of(observation, mission)
     points = points[(points[:, 2] > low) & (points[:, 2] < high)]
     if thinned_m > 0.0:
         cubes = np.floor(points / thinned_m).astype(np.int64)
@@ -64,18 +61,30 @@ def scan(
             counter-clockwise from straight ahead.
         reach_m: Distance where no return is nearer, m.
     """
-    offsets = body_returns(observation, mission, frame="body")
-    x, y = offsets[:, 0], offsets[:, 1]
-    distances = np.sqrt(x * x + y * y)
-    near = (distances < reach_m) & (distances > 0.0)
     sines, cosines = sines_cosines(
-        np.arange(bearings, dtype=np.float64) * (2.0 * math.pi / bearings)
+        np.append(
+            np.arange(bearings) * (2.0 * math.pi / bearings),
+            yaw_of_quaternion(observation.quaternion),
+        )
     )
-    edges = _pseudo_angles(cosines, sines)
-    found = np.searchsorted(edges, _pseudo_angles(x[near], y[near]), side="right") - 1
+    x, y, _ = observation.position.tolist()
+    place = x, y, float(sines[-1]), float(cosines[-1])
+    band, edges = band_of(observation, mission), _pseudo_angles(cosines[:-1], sines[:-1])
     nearest = np.full(bearings, reach_m)
-    np.minimum.at(nearest, found, distances[near])
+    for sweep in observation.sweeps:
+        one = sweep.placed
+        beams = one.origins, one.directions, one.ranges_mm, one.moments
+        take_nearest(*beams, place, band, edges, nearest)
     return nearest
+
+
+def band_of(observation: Observation, mission: Mission) -> tuple[float, float]:
+    """Return the heights between which a return is in the body's way, world frame, m."""
+    height = float(observation.position[2])
+    if not mission.planar:
+        return height - mission.radius, height + mission.radius
+    floor = height - mission.start[2] + FLOOR_NOISE_M
+    return floor + mission.step_height, floor + mission.height
 
 
 def in_body(vectors: Array, heading: float) -> Array:

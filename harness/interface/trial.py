@@ -24,9 +24,9 @@ from wayproof.harness.interface.command_messages import (
 )
 from wayproof.harness.interface.connect import Session
 from wayproof.harness.interface.errors import StackError
-from wayproof.harness.interface.motion import Followed, trajectory_of
+from wayproof.harness.interface.motion import Followed, commanded
 from wayproof.harness.interface.motion_checks import MotionError
-from wayproof.harness.interface.observations import ObservationBuilder, reference_at
+from wayproof.harness.interface.observations import ObservationBuilder
 from wayproof.harness.interface.referee import Judgement, fits_along, judge
 from wayproof.harness.interface.types import Fate, Observation
 from wayproof.harness.mission import Mission
@@ -171,23 +171,14 @@ class TrialNavigator(Navigator):
 
     def _trajectory(self, command: sb.Command, planner_input: PlannerInput) -> Followed:
         """Return the trajectory of a command; without a motion the last one stands."""
-        effect_ns = planner_input.effect_ns
-        reference = reference_at(self.state.trajectory, effect_ns, None)
-        believed = replace(reference, position=planner_input.position)
+        followed = self.state.trajectory
         try:
             motion = motion_of(command)
             if motion is None:
-                return Followed(self.state.trajectory, limited=False)
-            return trajectory_of(
-                motion,
-                (reference, believed),
-                effect_ns,
-                planner_input.gait.limits,
-                planar=self._mission.motion == "ground",
-                acceleration=self.state.trajectory.at(effect_ns).acceleration,
-                sideways_speed=planner_input.gait.sideways_speed,
-                followed=self.state.trajectory,
-            )
+                return Followed(followed, limited=False)
+            planar = self._mission.motion == "ground"
+            here, effect_ns = planner_input.position, planner_input.effect_ns
+            return commanded(motion, followed, here, effect_ns, planner_input.gait, planar)
         except (CommandError, MotionError) as error:
             raise StackError(self._who, f"sent a command with {error}") from None
 
@@ -227,15 +218,27 @@ class TrialNavigator(Navigator):
         """
         if command.action not in ("", "goal"):
             return command.action
-        late_ns = planner_input.effect_ns - trajectory.start_ns
-        if late_ns * 1e-9 < trajectory.duration_s:
-            return "follow"
-        followed = not_yet_superseded(planner_input, self.state)[0]
-        if not followed.at(planner_input.time_ns).at_rest:
-            return "stop_and_wait"
-        away = distance(planner_input.position, planner_input.goal)
-        arrived = command.action == "goal" or away <= planner_input.goal_tolerance
-        return "goal" if arrived else "stop_and_wait"
+        now, followed = planner_input, not_yet_superseded(planner_input, self.state)[0]
+        arrived = distance(now.position, now.goal) <= now.goal_tolerance
+        claims = command.action == "goal"
+        return action_after(trajectory, followed, now.time_ns, now.effect_ns, claims or arrived)
+
+
+def action_after(
+    trajectory: Trajectory, followed: Trajectory, time_ns: int, effect_ns: int, arrived: bool
+) -> str:
+    """Return the action of a motion, by where it leads.
+
+    Args:
+        trajectory: Trajectory of the motion.
+        followed: Trajectory that the body follows.
+        time_ns: Time of the decision, ns.
+        effect_ns: Time of its effect, ns.
+        arrived: Whether the body is at its goal, or the command claims so.
+    """
+    if (effect_ns - trajectory.start_ns) * 1e-9 < trajectory.duration_s:
+        return "follow"
+    return "goal" if arrived and followed.at(time_ns).at_rest else "stop_and_wait"
 
 
 def logged_answer(command: sb.Command, time_ns: int) -> pb.StackCommand:

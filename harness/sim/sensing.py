@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import time
 
-import mujoco
-
 from wayproof.harness.input_messages import decode_ranges
 from wayproof.harness.inputs import SweepInput
 from wayproof.harness.listed_beams import CODEC
@@ -37,7 +35,7 @@ class Sensors:
         Returns:
             Sweeps, pose, and the wall time of the casting, ms.
         """
-        mujoco.mj_kinematics(self._scene.model, self._simulation.data)
+        self._simulation.place_geometry()
         began = time.perf_counter()
         trail, estimate = self._simulation.trail(), self._simulation.estimate
         self._injector.begin(sequence)

@@ -156,6 +156,10 @@ class Simulation:
         """Return rows of the setpoints that the controller got since the last call."""
         return self._setpoints.drain_setpoints()
 
+    def place_geometry(self) -> None:
+        """Move all geoms to the present poses, which a step leaves one step behind."""
+        mujoco.mj_kinematics(self._scene.model, self.data)
+
     def trail(self) -> Trail:
         """Return the true poses since the sweeps began; without rolling shutter the last one."""
         now = np.concatenate([self.position, self.quaternion])

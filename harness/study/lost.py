@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from wayproof.harness.study.plan import Arm, name_of
 from wayproof.harness.study.rows import Row
@@ -37,6 +38,15 @@ class Lost:
     def command(self) -> str:
         """Command that explains it; empty without a log."""
         return f"wayproof explain {shlex.quote(self.log)}" if self.log else ""
+
+    @property
+    def page(self) -> str:
+        """Path of its page, with the picture of its last chance, if its report is written."""
+        if not self.log:
+            return ""
+        log = Path(self.log)
+        page = log.parent.parent / "report" / "episodes" / f"{log.stem}.html"
+        return str(page) if page.is_file() else ""
 
     def in_words(self) -> str:
         """Return the episode in a line."""

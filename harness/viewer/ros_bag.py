@@ -32,13 +32,11 @@ from wayproof.harness.recordings.bags.writing import (
 from wayproof.harness.recordings.recording import Recording
 from wayproof.harness.viewer.layer import layer_at
 from wayproof.harness.viewer.moments import Moment, moments
-from wayproof.maps import FREE, OCCUPIED, UNKNOWN, Costmap
+from wayproof.maps import FREE, OCCUPIED, Costmap
+from wayproof.maps.costmap.nav2_costs import INSCRIBED, LETHAL, NO_INFORMATION, costs_of
 
 GRID_PERIOD_NS = 1_000_000_000
 """Time between two grids of the bag, ns; the last decision has one too."""
-
-FREE_SPACE, INSCRIBED, LETHAL, NO_INFORMATION = 0, 253, 254, 255
-"""Costs of `nav2_costmap_2d/cost_values.hpp`."""
 
 GRID, COSTS, PATH = "nav_msgs/msg/OccupancyGrid", "nav2_msgs/msg/Costmap", "nav_msgs/msg/Path"
 
@@ -60,28 +58,6 @@ def convert(recording: Recording, log: Log | None, out: Path, kind: BagKind) -> 
         views = _views(log, Builder(encoding_of(kind)), kind)
         messages = heapq.merge(messages, views, key=lambda one: one.stamp_ns)
     return write_bag(messages, out, kind)
-
-
-def costs_of(costmap: Costmap, layer: int, collision_distance_sq: int) -> NDArray[np.uint8]:
-    """Return costs (nx, ny) of a layer by Nav2's scale.
-
-    Occupied cells are lethal (254), unknown ones have no information (255), free ones within the
-    inflation radius of an occupied one are inscribed (253), and beyond it the cost falls by Nav2's
-    law from 252 to 0.
-
-    Args:
-        costmap: The costmap.
-        layer: Index along z.
-        collision_distance_sq: Greatest squared distance that is forbidden, cells^2.
-    """
-    states = costmap.state[:, :, layer]
-    distances = costmap.obstacle_clearance[:, :, layer]
-    fall = np.where(np.isinf(costmap.cost_table), INSCRIBED, costmap.cost_table)
-    costs = np.floor(fall).astype(np.uint8)[distances]
-    costs[distances <= collision_distance_sq] = INSCRIBED
-    costs[states == OCCUPIED] = LETHAL
-    costs[states == UNKNOWN] = NO_INFORMATION
-    return costs
 
 
 def occupancy_of_costs() -> NDArray[np.int8]:  # (256,)

@@ -67,6 +67,9 @@ SIDE, HEIGHT, DPI = 7.0, 8.4, 100
 LEFT, BOTTOM, MAP_SIDE = 0.6, 1.65, 5.95
 """Place and side of the map in its panel, inches; the legend is below, the words are above."""
 
+MOST_LINES = 5
+"""Lines above the map for which there is room at the size of all text; more are smaller."""
+
 BODY: dict[str, Any] = dict(facecolor=(*ink(ROBOT), 0.8), edgecolor=ink(TRUE), lw=1.5)
 BELIEVED_BODY: dict[str, Any] = dict(fill=False, edgecolor=ink(BELIEVED), lw=1.5, ls="--")
 """Styles of the body where it was and where it was believed to be."""
@@ -181,7 +184,9 @@ class TopView:
 
     def _add_words(self, figure: Figure, moment: Moment) -> None:
         lines = head(moment, self._log.config.costmap.cost_range, self._log.mission.axes)
-        figure.text(0.15 / figure.get_figwidth(), 0.985, "\n".join(lines), va="top")
+        size = mpl.rcParams["font.size"] * min(1.0, MOST_LINES / len(lines))
+        place = 0.15 / figure.get_figwidth(), 0.985
+        figure.text(*place, "\n".join(lines), va="top", fontsize=size)
 
 
 def _panel(figure: Figure, number: int, panels: int, moment: Moment) -> Axes:

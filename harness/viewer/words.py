@@ -18,8 +18,8 @@ from wayproof.harness.viewer.moments import Moment
 INTENDED = ("follow", "explore", "goal")
 """Actions without an obstruction."""
 
-WIDTH, MOST_LINES = 110, 3
-"""Characters of a line above a picture, and most lines of a reason."""
+WIDTH = 110
+"""Characters of a line above a picture."""
 
 
 def is_warning(decision: pb.Decision) -> bool:
@@ -117,5 +117,4 @@ def head(moment: Moment, cost_range: float, axes: int) -> list[str]:
     reason = decision.reason
     if moment.commanded is not None:
         reason = f"referee: {moment.commanded.verdict}. {reason}"
-    lines = textwrap.wrap(reason, WIDTH, max_lines=MOST_LINES, placeholder=" ...")
-    return [first, figures, *lines]
+    return [first, figures, *textwrap.wrap(reason, WIDTH)]

@@ -6,7 +6,7 @@ bit by bit from the numbers of a `BeamTable`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -101,6 +101,13 @@ class BeamTable:
             return False
         step, gap = self.columns[1] - self.columns[0], self.columns[0] - self.columns[-1]
         return bool(np.square(gap).sum() <= MOST_GAP * MOST_GAP * np.square(step).sum())
+
+    def with_every(self, stride: int) -> BeamTable:
+        """Return every `stride`-th column of a grid; another order, or a rolling one, as it is."""
+        if stride == 1 or self.order != "grid" or self.scan_poses > 1:
+            return self
+        columns = self.columns[::stride]
+        return replace(self, columns=columns, beams=len(self.rows) * len(columns))
 
     @property
     def image_rows(self) -> int:

@@ -42,6 +42,7 @@ class SweepCaster:
         base: int,
         prefix: str,
         config: SensorConfig,
+        stride: int = 1,
     ) -> None:
         """Build the tables once.
 
@@ -51,13 +52,14 @@ class SweepCaster:
             base: Body id of the robot's base, which carries the site.
             prefix: Prefix of every name of the robot in the model.
             config: Ray engine.
+            stride: Columns of a grid from one that is cast to the next.
 
         Raises:
             KeyError: The model has no such site.
             ValueError: The site is not on the base, or the engine cannot cast one of the geoms.
         """
         self.mount = mount
-        self.table = mount.device.beam_table()
+        self.table = mount.device.beam_table().with_every(stride)
         self._model = model
         self._classes: NDArray[np.uint8] | None = None  # by geom
         self._pose_indices = pose_indices(self.table)
@@ -142,14 +144,15 @@ class RangefinderCaster:
         base: int,
         prefix: str,
         config: SensorConfig,
+        stride: int = 1,
     ) -> None:
-        """Look the sensor up; `config` does not concern it.
+        """Look the sensor up; `config` and `stride` do not concern it.
 
         Raises:
             KeyError: The model has no such sensor.
             ValueError: It does not sit on the base.
         """
-        del config
+        del config, stride
         self.mount = mount
         self.table = mount.device.beam_table()
         self._directions = directions(self.table, 0)  # (1, 3)
@@ -185,15 +188,16 @@ def make_caster(
     base: int,
     prefix: str,
     config: SensorConfig,
+    stride: int = 1,
 ) -> Caster:
-    """Return the caster of a mounted device.
+    """Return the caster of a mounted device, or of every `stride`-th column of its grid.
 
     Raises:
         KeyError: The model lacks the site or the sensor.
         ValueError: The device is not on the base, or the engine cannot cast the model.
     """
     caster = RangefinderCaster if mount.device.by_mujoco else SweepCaster
-    return caster(model, mount, base, prefix, config)
+    return caster(model, mount, base, prefix, config, stride)
 
 
 def _draws(mount: Mount, seed: int, sequence: int) -> np.random.Generator | None:

@@ -22,6 +22,7 @@ from wayproof.harness.study.report.episode import MAP_LEGEND, Views, episode_pag
 from wayproof.harness.study.report.page import Cell, Figure, Page, Section, style
 from wayproof.harness.study.report.provenance import of_study
 from wayproof.harness.study.report.sections import (
+    TABLE,
     answers_section,
     arms_section,
     changes_section,
@@ -110,7 +111,7 @@ def write_report(folder: Path, allow_plugins: bool = False) -> tuple[Path, Study
     runs = _write_episodes(material, draft / "episodes")
     overview = _overview(material, runs, linked=True)
     (draft / "index.html").write_text(overview.html(root=""), encoding="utf-8")
-    (draft / "episodes.html").write_text(_table(material).html(root=""), encoding="utf-8")
+    (draft / TABLE).write_text(_table(material).html(root=""), encoding="utf-8")
     (draft / "style.css").write_text(style(), encoding="utf-8")
     _write(whole, _overview(material, runs, linked=False).html())
     shutil.rmtree(folder / SITE, ignore_errors=True)
@@ -191,9 +192,9 @@ def _overview(material: Material, runs: Sequence[Mapping[str, str]], linked: boo
     several = any(one.config.waypoints for one in material.planned)
     sections = [
         _failures(material, linked),
-        gates_section(result) if result.gates else None,
+        gates_section(result, linked) if result.gates else None,
         changes_section(result) if result.changes else None,
-        conditions_section(samples),
+        conditions_section(samples, linked),
         answers_section(result, material.study.kind),
         arms_section(result),
         stacks_section(samples, limit),
@@ -205,7 +206,7 @@ def _overview(material: Material, runs: Sequence[Mapping[str, str]], linked: boo
         ),
     ]
     page = result_page(result, sections, result.name)
-    return replace(page, links=[(result.name, ""), ("All episodes", "episodes.html")] * linked)
+    return replace(page, links=[(result.name, ""), ("All episodes", TABLE)] * linked)
 
 
 def _failures(material: Material, linked: bool) -> Section:

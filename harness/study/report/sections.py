@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from urllib.parse import quote
 
 from wayproof.harness.perturbations.perturbation import MAX_SEVERITY
 from wayproof.harness.statistics.exact import Interval
@@ -23,8 +24,17 @@ SHOWN_METRICS = (
 )
 
 
-def gates_section(result: StudyResult) -> Section:
-    """Return the table of the gates."""
+TABLE = "episodes.html"
+"""Page of a site with the table of all episodes, which shows those of the words behind its `#`."""
+
+
+def _episodes_of(arm: Arm, linked: bool) -> str:
+    """Return the address of an arm's episodes; empty on a page without a site."""
+    return f"{TABLE}#{quote(name_of(arm))}" if linked else ""
+
+
+def gates_section(result: StudyResult, linked: bool = False) -> Section:
+    """Return the table of the gates; of a site with links to the episodes."""
     together = (
         f"The intervals of all {len(result.gates)} gates hold together at 95 % (Bonferroni), so "
         "they are wider than those of the arms below."
@@ -42,7 +52,7 @@ def gates_section(result: StudyResult) -> Section:
             (
                 Cell(one.verdict, one.verdict),
                 one.gate,
-                name_of(one.arm),
+                Cell(name_of(one.arm), link=_episodes_of(one.arm, linked)),
                 estimate_in_words(one),
                 str(one.worlds),
                 gate_reason(one),
@@ -91,7 +101,7 @@ def lost_section(result: StudyResult) -> Section | None:
     )
 
 
-def conditions_section(samples: Sequence[Sample]) -> Section | None:
+def conditions_section(samples: Sequence[Sample], linked: bool = False) -> Section | None:
     """Return successes by world and robot against stack and variant; None without an arm.
 
     The unperturbed arms alone are in it.
@@ -109,7 +119,10 @@ def conditions_section(samples: Sequence[Sample]) -> Section | None:
         "Success by world",
         note="Unperturbed episodes: reached the goal, of all.",
         heads=("world and robot", *columns),
-        rows=[(line, *(_share(clean.get((line, column))) for column in columns)) for line in lines],
+        rows=[
+            (line, *(_share(clean.get((line, column)), linked) for column in columns))
+            for line in lines
+        ],
     )
 
 
@@ -117,14 +130,15 @@ def _column(arm: Arm) -> str:
     return " ".join(part for part in (arm.stack, arm.variant) if part) or "reached the goal"
 
 
-def _share(sample: Sample | None) -> Cell:
+def _share(sample: Sample | None, linked: bool) -> Cell:
     if sample is None:
         return Cell("")
     ran = [row.success for row in sample.rows if row.ran]
     if not ran:
         return Cell("none ran")
     hue = 120.0 * sum(ran) / len(ran)
-    return Cell(f"{sum(ran)} of {len(ran)}", colour=f"hsl({hue:.0f} 55% 85%)")
+    link = _episodes_of(sample.arm, linked)
+    return Cell(f"{sum(ran)} of {len(ran)}", link=link, colour=f"hsl({hue:.0f} 55% 85%)")
 
 
 ARM_HEADS = ("arm", "episodes", "success (95 %)", "mean time, s", "drop (95 %)", "lost", "won")

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
+from urllib.parse import quote
 
 from wayproof.harness.errors import printable
 from wayproof.harness.study.gates import gate_in_words
-from wayproof.harness.study.lost import lost_in_words
+from wayproof.harness.study.lost import MOST_SHOWN, lost_in_words
 from wayproof.harness.study.plan import name_of
 from wayproof.harness.study.report.page import Cell
 from wayproof.harness.study.report.sections import (
@@ -45,6 +46,10 @@ def markdown(result: StudyResult) -> str:
     lost = lost_section(result)
     if lost is not None:
         lines += [*_table(lost.heads, [_texts(row) for row in lost.rows]), ""]
+        pages = [one.page for one in result.lost if one.page][:MOST_SHOWN]
+        links = [f"[{number}]({quote(page)})" for number, page in enumerate(pages, 1)]
+        if links:
+            lines += [f"With pictures of the last chance: {', '.join(links)}", ""]
     if result.changes:
         found = changes_section(result)
         lines += ["<details><summary>Differences</summary>", ""]
@@ -93,7 +98,9 @@ def junit(result: StudyResult, allow_inconclusive: bool = False) -> str:
     if result.missing or result.errors:
         ET.SubElement(case, "error", message=printable(verdict_in_words(result)))
     if result.lost:
-        ET.SubElement(case, "system-out").text = printable(" | ".join(lost_in_words(result.lost)))
+        pages = [f"[[ATTACHMENT|{one.page}]]" for one in result.lost if one.page][:MOST_SHOWN]
+        text = " | ".join([*lost_in_words(result.lost), *pages])
+        ET.SubElement(case, "system-out").text = printable(text)
     for gate in result.gates:
         name = printable(f"{gate.gate} for {name_of(gate.arm)}")
         case = ET.SubElement(suite, "testcase", classname=printable(result.name), name=name)

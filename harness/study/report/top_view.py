@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.errors import InputError
+from wayproof.harness.scenario.outlines import outlines
 from wayproof.harness.scenario.scene_text import safe_scene
 from wayproof.harness.study.report.palette import BELIEVED, CHANCE, GOAL, LIMIT, OBSTACLE, TRUE
 from wayproof.models.world_files.mjcf_scenes import NOT_COMPILED
@@ -24,9 +25,6 @@ TALLEST = 420
 
 BAND = 20
 """Height of the band below the drawing, which holds the scale."""
-
-TALLEST_FLOOR = 0.05
-"""Height below which a geom counts as floor, m."""
 
 EDGE = 0.4
 """Space around the drawing, m."""
@@ -125,15 +123,4 @@ def footprints(scene: str) -> list[NDArray[np.float64]]:  # (4, 2) each
         raise InputError(f"scene: {' '.join(str(error).split())[:200]}") from None
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    outlines = []
-    for geom in range(model.ngeom):
-        robot = model.body_weldid[model.geom_bodyid[geom]] != 0
-        if robot or model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_PLANE:
-            continue
-        centre, half = model.geom_aabb[geom, :3], model.geom_aabb[geom, 3:]
-        R = data.geom_xmat[geom].reshape(3, 3)
-        if data.geom_xpos[geom][2] + np.abs(R[2]) @ half < TALLEST_FLOOR:
-            continue
-        corners = centre + half * [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]
-        outlines.append((data.geom_xpos[geom] + corners @ R.T)[:, :2])
-    return outlines
+    return outlines(model, data)

@@ -53,6 +53,10 @@ def test_the_map_is_the_one_that_the_decision_names(episode):
             place = mapped.low + (cell + 0.5) * mapped.resolution
             assert moment.map.state_at(place[None])[0] == 2
             break
+    assert mapped.costs.shape == mapped.distances.shape
+    assert (mapped.distances[mapped.costs == 254] == 0.0).all()
+    beside = np.argwhere(mapped.costs == 254)[50] + [0, 0, 1]
+    assert mapped.distances[tuple(beside)] <= mapped.resolution
 
 
 def test_points_are_where_beams_ended(episode):
@@ -69,22 +73,27 @@ def test_a_decision_that_is_not_there_is_named(episode):
         episode.map_at(999)
 
 
-def test_a_study_is_a_table_with_its_logs(tmp_path, monkeypatch):
-    from wayproof.harness.cli.main import main
-
+def test_a_study_runs_is_a_table_with_its_logs_and_is_compared(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("s.toml").write_text(
         'name = "s"\nworlds = ["empty"]\nrobots = ["drone"]\nseeds = 2\n'
         '[set]\n"episode.time_limit" = 0.3\n"map.resolution" = 0.2\n'
         "[perturbations]\npose_drift = [3]\n"
     )
-    main(["study", "s.toml", "--jobs", "1"])
-    study = wayproof.study("logs/s")
+    study = wayproof.study("s.toml")
+    assert study.folder == Path("logs/s")
     rows = study.table().to_pylist()
     assert len(rows) == 4
     assert {row["perturbation"] for row in rows} == {"none", "pose_drift"}
     for row in rows:
         assert study.episode(row["key"]).outcome == row["outcome"] == "timeout"
         assert wayproof.open(row["log"]).metrics()["ate"] == row["ate"]
-    with pytest.raises(wayproof.InputError, match="no folder of a study"):
+    assert study.result().verdict == "complete"
+    assert len(study.result().lost) == 4
+    other = wayproof.study("s.toml", settings={"map.resolution": 0.25}, out="logs/other")
+    compared = other.compare(wayproof.study("logs/s"), gates=["success.drop <= 0.5"])
+    assert compared.verdict == "inconclusive"
+    assert {row["metric"] for row in compared.changes.to_pylist()} >= {"success", "least_clearance"}
+    assert {row["gate"].split(" ")[0] for row in compared.gates.to_pylist()} == {"success.drop"}
+    with pytest.raises(wayproof.InputError, match="'nowhere'"):
         wayproof.study("nowhere")

@@ -1,6 +1,7 @@
 """Environments, end to end: Gymnasium's own checks, and logs like those of any stack on trial."""
 
 import gc
+import itertools
 import multiprocessing
 import pickle
 import subprocess
@@ -16,8 +17,11 @@ from wayproof import Config, Velocity, build, open_log, override, run_episode
 from wayproof.harness.errors import InputError
 from wayproof.harness.gym import environment_id
 from wayproof.harness.gym.environment import WayproofEnv
+from wayproof.harness.gym.exported import save_policy
 from wayproof.harness.gym.reward import Reward
 from wayproof.harness.interface.command_messages import command_message
+from wayproof.harness.interface.policy import PolicyStack
+from wayproof.harness.interface.policy_tensors import PolicyObserver
 from wayproof.harness.interface.types import Command
 from wayproof.harness.replay.audit import audit
 from wayproof.harness.replay.closed_loop import simulate_again
@@ -56,7 +60,12 @@ def to_the_end(env, action=AHEAD):
 
 
 def test_every_world_and_robot_has_an_id():
-    ids = {environment_id(world, robot) for world in WORLDS for robot in ROBOTS}
+    ids = {
+        environment_id(world, robot, flat=flat)
+        for world in WORLDS
+        for robot in ROBOTS
+        for flat in (False, True)
+    }
     assert "Wayproof/Warehouse-Quadruped-v0" in ids
     assert ids == {one for one in gymnasium.registry if one.startswith("Wayproof/")}
 
@@ -65,7 +74,7 @@ def test_every_world_and_robot_has_an_id():
 @pytest.mark.parametrize(
     ("robot", "options"),
     [
-        ("quadruped", {}),
+        ("quadruped", {"observation": "flat", "render_mode": "rgb_array"}),
         ("drone", {"action": "waypoints", "observation": "sweeps", "guard": True}),
     ],
 )
@@ -97,7 +106,7 @@ def test_a_drone_that_slides_on_the_floor_has_ended_its_episode(make):
         env, np.array([0.3, 0.0, -1.0, 0.0], np.float32)
     )
     assert (terminated, truncated, info["outcome"]) == (True, False, "collision")
-    assert info["truth"]["clearance_m"] < 0.1
+    assert "floor" in info["reason"]
     assert len(rewards) < 30
 
 
@@ -139,7 +148,7 @@ def test_a_log_is_that_of_a_stack_that_commands_the_same(make, tmp_path):
 
 
 def test_a_collision_terminates_with_its_cause_and_costs(make):
-    env = make("cylinders", settings=())
+    env = make("cylinders", settings=(), referee=True)
     _, info = env.reset(seed=2)
     start_m = info["truth"]["goal_distance_m"]
     rewards, (_, last, terminated, truncated, info) = to_the_end(env, np.array([1, 0, 0, 0]))
@@ -147,6 +156,7 @@ def test_a_collision_terminates_with_its_cause_and_costs(make):
     assert info["outcome"] == "collision"
     assert info["cause"] == "disregarded_obstacle"
     assert info["truth"]["collisions"] == 1
+    assert info["truth"]["clearance_m"] < 0.1
     assert (info["spl"], info["log"]) == (0.0, "")
     assert info["verdict"] in ("unknown", "blocked")
     assert last < -9.0
@@ -159,7 +169,7 @@ def test_a_collision_terminates_with_its_cause_and_costs(make):
 
 
 def test_the_goal_is_reached_by_an_agent_that_comes_to_rest(make):
-    env = make("empty", "drone", settings=(), action="waypoints")
+    env = make("empty", "drone", settings=(), action="waypoints", referee=True)
     observation, _ = env.reset(seed=1)
     for _ in range(600):
         share = np.clip(observation["goal"] / 3.0, -1.0, 1.0)
@@ -169,6 +179,74 @@ def test_the_goal_is_reached_by_an_agent_that_comes_to_rest(make):
     assert info["outcome"] == "success"
     assert 0.7 < info["spl"] <= 1.0
     assert reward > 9.0
+
+
+@pytest.mark.parametrize(
+    ("robot", "options"),
+    [
+        ("quadruped", {"perturb": "pose_drift:2"}),
+        ("drone", {"action": "waypoints", "observation": "sweeps", "perturb": "depth_noise:2"}),
+    ],
+)
+def test_without_referee_the_body_moves_and_senses_bit_by_bit_as_with_it(make, robot, options):
+    runs = []
+    for referee in (False, True):
+        env = make("cylinders", robot, settings=(), referee=referee, **options)
+        drawn = np.random.default_rng(1).uniform(-0.4, 0.8, (60, *env.action_space.shape))
+        steps = [env.reset(seed=3)]
+        for action in drawn.astype(np.float32):
+            steps.append(env.step(action))
+            if steps[-1][2]:
+                break
+        runs.append(steps)
+    light, whole = runs
+    assert len(light) == len(whole) > 15
+    for one, other in zip(light, whole, strict=True):
+        assert (one[-1]["truth"]["position"] == other[-1]["truth"]["position"]).all()
+        for name in one[0].keys() - {"scan"}:
+            assert (one[0][name] == other[0][name]).all(), name
+        assert one[1:-1] == other[1:-1]
+        assert one[0]["scan"].min() == pytest.approx(other[0]["scan"].min(), abs=0.05)
+    assert "verdict" not in light[-1][-1]
+
+
+def test_what_needs_the_referee_gets_it(make):
+    for options in ({"reward": Reward(not_admitted=-1.0)}, {"perturb": "latency:2"}):
+        env = make("empty", **options)
+        env.reset(seed=1)
+        assert "verdict" in env.step(AHEAD)[-1]
+
+
+def test_a_picture_from_above_shows_body_goal_and_returns(make):
+    env = make("empty", render_mode="rgb_array")
+    env.reset(seed=1)
+    first = env.render()
+    assert first.shape[2] == 3
+    for _ in range(10):
+        env.step(AHEAD)
+    assert (env.render() != first).any()
+    with pytest.raises(InputError, match="render_mode: got 'human', expected 'rgb_array'"):
+        make("empty", render_mode="human")
+
+
+def test_a_network_that_is_saved_is_a_policy_of_the_same_actions(make, tmp_path):
+    env = make("empty", observation="flat")
+    flat, _ = env.reset(seed=1)
+    generator = np.random.default_rng(1)
+    sizes = (len(flat), 16, 4)
+    layers = [
+        (generator.normal(size=(out, given)) * 0.1, generator.normal(size=out))
+        for given, out in itertools.pairwise(sizes)
+    ]
+    mean, deviation = generator.normal(size=len(flat)), generator.uniform(1.0, 2.0, len(flat))
+    save_policy(tmp_path / "p.onnx", layers, normal=(mean, deviation))
+    values = np.clip((flat - mean) / deviation, -10.0, 10.0)
+    expected = layers[1][0] @ np.tanh(layers[0][0] @ values + layers[0][1]) + layers[1][1]
+    tensors = PolicyObserver(env.task).tensors(env.seen)
+    assert PolicyStack(tmp_path / "p.onnx").act(tensors) == pytest.approx(expected, abs=1e-4)
+    with pytest.raises(InputError, match="policy"):
+        save_policy(tmp_path / "other.onnx", [(np.zeros((3, 3)), np.zeros(3))])
+    assert not (tmp_path / "other.onnx").exists()
 
 
 def test_the_guard_brakes(make):
@@ -243,7 +321,7 @@ def test_bad_input_is_one_line_and_the_next_reset_works(make, options, text):
     ("options", "text"),
     [
         ({"action": "torque"}, "action: got 'torque', expected one of velocity, waypoints"),
-        ({"observation": "map"}, "observation: got 'map', expected one of scan, sweeps"),
+        ({"observation": "map"}, "observation: got 'map', expected one of scan, flat, sweeps"),
         ({"settings": ("map.resoltion=1",)}, "unknown setting 'map.resoltion'"),
         ({"robot": "dron"}, "unknown robot 'dron'"),
     ],
@@ -304,6 +382,7 @@ UNCLOSED = """
 import pickle
 import numpy as np
 from wayproof.harness.gym.environment import WayproofEnv
+from wayproof.harness.gym.exported import save_policy
 env = WayproofEnv("empty", "drone")
 again = pickle.loads(pickle.dumps(env))
 for one in env, again:

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from wayproof.harness.inputs import WorldSweep
 from wayproof.harness.interface.returns import body_returns, scan
 
 GROUND = SimpleNamespace(
@@ -17,9 +18,15 @@ AIR = SimpleNamespace(planar=False, start=(0.0, 0.0, 1.0), step_height=0.0, heig
 
 
 def seen(points, heading=0.0, position=(1.0, 2.0, 0.3)):
-    half = 0.5 * heading
+    half, points = 0.5 * heading, np.array(points, float).reshape(-1, 3)
+    placed = WorldSweep(
+        origins=points,
+        directions=np.zeros_like(points),
+        ranges_mm=np.ones(len(points), np.uint16),
+        moments=np.arange(len(points), dtype=np.int32),
+    )
     return SimpleNamespace(
-        sweeps=(SimpleNamespace(points=np.array(points, float).reshape(-1, 3)),),
+        sweeps=(SimpleNamespace(points=placed.points, placed=placed),),
         position=np.array(position),
         quaternion=np.array([math.cos(half), 0.0, 0.0, math.sin(half)]),
     )

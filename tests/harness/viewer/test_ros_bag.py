@@ -12,8 +12,9 @@ from wayproof.harness.log.reader import open_log
 from wayproof.harness.recordings.formats import open_recording
 from wayproof.harness.recordings.options import RecordingOptions
 from wayproof.harness.viewer.moments import moments
-from wayproof.harness.viewer.ros_bag import costs_of, occupancy_of_costs
+from wayproof.harness.viewer.ros_bag import occupancy_of_costs
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN
+from wayproof.maps.costmap.nav2_costs import costs_of
 
 LOG = Path(__file__).parents[1] / "logs/small.mcap"
 

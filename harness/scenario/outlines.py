@@ -1,0 +1,33 @@
+"""Outlines of a scene's geometry from above, for pictures."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from wayproof.models.sensors.caster import ROBOT_GROUP
+
+TALLEST_FLOOR = 0.05
+"""Height below which a geom counts as floor, m."""
+
+
+def outlines(model: mujoco.MjModel, data: mujoco.MjData) -> list[NDArray[np.float64]]:
+    """Return the outlines (4, 2) of the world's geoms: boxes exactly, others by their bounds.
+
+    Args:
+        model: World and robot, which is left out.
+        data: Poses of the geoms.
+    """
+    found = []
+    for geom in range(model.ngeom):
+        robot = model.geom_group[geom] == ROBOT_GROUP
+        if robot or model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_PLANE:
+            continue
+        centre, half = model.geom_aabb[geom, :3], model.geom_aabb[geom, 3:]
+        R = data.geom_xmat[geom].reshape(3, 3)
+        if data.geom_xpos[geom][2] + np.abs(R[2]) @ half < TALLEST_FLOOR:
+            continue
+        corners = centre + half * [[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]
+        found.append((data.geom_xpos[geom] + corners @ R.T)[:, :2])
+    return found
