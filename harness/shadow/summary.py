@@ -197,21 +197,46 @@ def lines_of(summary: Summary) -> list[str]:
     actions = ", ".join(f"{name} {count}" for name, count in summary.actions.items())
     bound = ">= " if summary.clearance_is_bound else ""
     latency = summary.latency_ms
-    ahead = "no second of way to judge"
+    lines = []
     if summary.ahead_share is not None:
-        ahead = f"{summary.ahead_share:.1%} of {summary.ahead_decisions} decisions"
+        lines.append(
+            f"at {summary.ahead_share:.1%} of {summary.ahead_decisions} decisions, the next second "
+            "of driving stayed in space known to be free"
+        )
+    lines.append(
+        f"{summary.hindsight_m:.2f} m cross cells that the final map holds as occupied; "
+        f"{summary.hindsight_admitted_m:.2f} m of them were admitted when entered"
+    )
+    if summary.hindsight_m > SUSPICIOUS_SHARE * summary.driven_m:
+        lines.append(
+            "suspect the poses: a robot does not drive through what stands, but walls that are in "
+            "the map twice do stand in its way; compare with --set estimate.kind=lidar"
+        )
+    lines += [WHY[why] for why in summary.refused_m if why in WHY]
     return [
-        f"the way of the next second was admitted at {ahead}",
-        f"{summary.hindsight_m:.2f} m led through cells that are occupied at the end, "
-        f"{summary.hindsight_admitted_m:.2f} m of it admitted when entered",
+        *lines,
         f"least clearance by the map {bound}{summary.least_clearance_m:.2f} m, at "
         f"{summary.least_clearance_s:.1f} s",
         f"decisions {latency['p50']:.1f} ms (p50), {latency['p99']:.1f} (p99), "
         f"{latency['max']:.1f} (max); map {summary.map_mib:.1f} MiB",
-        f"the stack, from rest at each pose: {actions}; it would have stood for "
-        f"{summary.stopped_s:.1f} of the {summary.moving_s:.1f} s in which the robot moved",
+        f"started again at every recorded pose, the stack would have stood for "
+        f"{summary.stopped_s:.1f} of the {summary.moving_s:.1f} s in which the robot moved: "
+        f"{actions}",
         *(f"the robot's own {topic}: {one.text}" for topic, one in summary.own_maps.items()),
     ]
+
+
+SUSPICIOUS_SHARE = 0.05
+"""Share of the way through what stands in the end beyond which the poses are named."""
+
+WHY = {
+    "occupied": "occupied: the body overlapped what the map held as an obstacle at that time",
+    "unknown": "unknown: no beam had ever crossed that space",
+    "stale": "stale: the space was known once, and the map had forgotten it (map.half_life)",
+    "margin": "margin: the body itself was free, the margin for the error of the pose was not",
+    "outside": "outside: the body left the operating area",
+}
+"""Reason why a place was not admitted -> what it means."""
 
 
 def seconds(decision: pb.Decision) -> float:

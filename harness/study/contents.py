@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from pathlib import PurePath
 
 from wayproof.harness.config import PLUGIN, Config
 from wayproof.harness.interface.connect import code_digest
 from wayproof.harness.log.machine import code_digest as digest_of_program
+from wayproof.harness.prediction_config import ONNX_FILE
 from wayproof.harness.scenario.robots import ENDING as ROBOT_FILE
 from wayproof.harness.scenario.robots import find_robot
 from wayproof.harness.scenario.worlds import ENDING as WORLD_FILE
@@ -22,15 +24,20 @@ PROGRAM = "wayproof"
 
 
 def named_by(config: Config) -> tuple[str, ...]:
-    """Return the names in a config that may be files: world, robot, planner and stack."""
-    return config.world, config.robot, config.planner.name, config.stack.name
+    """Return the names in a config that may be files: world, robot, planner, stack, predictor.
+
+    A predictor that does not run is left out.
+    """
+    predictor = (config.prediction.source,) if config.runs_predictor else ()
+    return config.world, config.robot, config.planner.name, config.stack.name, *predictor
 
 
 def contents_of(names: Iterable[str]) -> Contents:
     """Return the identities of Wayproof and of the files among names of worlds, robots and so on.
 
     The hash of a robot covers its spec, its MJCF with meshes, and the code of its controller. The
-    hash of a planner or a stack covers its code, see `plugin.files_of`; a socket has none.
+    hash of a planner, a stack or a predictor covers its code, see `plugin.files_of`; a socket has
+    none.
 
     Raises:
         InputError: A file cannot be read.
@@ -47,7 +54,7 @@ def _identity(name: str) -> str | None:
         assert isinstance(world, FileWorld)
         return world.identity
     if not name.endswith(ROBOT_FILE):
-        digest = code_digest(name) if PLUGIN in name else ""
+        digest = code_digest(name) if PLUGIN in name or name.endswith(ONNX_FILE) else ""
         return class_identity(name, digest) if digest else None
     robot = find_robot(Config("", name, 0))
     assert isinstance(robot, CustomRobot)
@@ -57,5 +64,6 @@ def _identity(name: str) -> str | None:
 
 
 def class_identity(name: str, digest: str) -> str:
-    """Return the name of a class and the hash of its file, without the path."""
-    return f"{name.rpartition(PLUGIN)[2]} {digest}"
+    """Return the name of a class or a network and the hash of its files, without the path."""
+    own = name.rpartition(PLUGIN)[2] if PLUGIN in name else PurePath(name).name
+    return f"{own} {digest}"

@@ -88,23 +88,28 @@ def episode_key(config: Config, contents: Mapping[str, str]) -> str:
         contents: Identities of Wayproof and of the files that it names (`contents_of`), which are
             used instead of paths.
     """
-    world, robot, planner, stack = (contents.get(name, name) for name in named_by(config))
+    world, robot, planner, stack, *predictor = (
+        contents.get(name, name) for name in named_by(config)
+    )
     named = replace(config, world=world, robot=robot, stack=replace(config.stack, name=stack))
-    return key_of(named, planner, contents.get(PROGRAM, ""))
+    source = predictor[0] if predictor else config.prediction.source
+    return key_of(named, planner, source, contents.get(PROGRAM, ""))
 
 
-def key_of(config: Config, planner: str, program: str) -> str:
+def key_of(config: Config, planner: str, predictor: str, program: str) -> str:
     """Return the content address of an episode.
 
     Args:
         config: Resolved config, with name and hash of a world, robot or stack that is a file.
         planner: Name of the planner, with the hash of its file if it has one.
+        predictor: Source of predictions, likewise.
         program: Digest of Wayproof.
     """
     text = to_json(config)
-    if planner != config.planner.name:  # which no config takes
-        document = document_of(config)
+    if (planner, predictor) != (config.planner.name, config.prediction.source):
+        document = document_of(config)  # no config takes names with hashes
         document["planner"]["name"] = planner
+        document["prediction"]["source"] = predictor
         text = msgspec.json.encode(document)
     return hashlib.sha256(program.encode() + b"\n" + text).hexdigest()[:24]
 

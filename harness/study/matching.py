@@ -1,8 +1,8 @@
 """Check that a log is that of a planned episode, by its content and not its name.
 
 A log holds the settings that its scenario resolved also as they were asked for. With these its
-config, the hashes of the files of world, robot, planner and stack, and the digest of Wayproof must
-give the key of the episode.
+config, the hashes of the files of world, robot, planner, predictor and stack, and the digest of
+Wayproof must give the key of the episode.
 """
 
 from __future__ import annotations
@@ -70,17 +70,18 @@ def mismatch(log: Log, planned: Planned) -> str:
 def _key_of(config: Config, log: Log) -> str:
     """Return the key, with the hashes of classes that the log holds beside its config."""
     robot = config.robot
-    planner, stack = (_identity(name, log) for name in (config.planner.name, config.stack.name))
+    names = config.planner.name, config.prediction.source, config.stack.name
+    planner, predictor, stack = (_identity(name, log) for name in names)
     if log.config.robot_file:
         controller = parse_spec(log.config.robot_file).controller
         if controller in log.plugins:
             robot = f"{robot} {class_identity(controller, log.plugins[controller])}"
     named = replace(config, robot=robot, stack=replace(config.stack, name=stack))
-    return key_of(named, planner, log.run.get(CODE, ""))
+    return key_of(named, planner, predictor, log.run.get(CODE, ""))
 
 
 def _identity(name: str, log: Log) -> str:
-    """Return the name of a planner or a stack, with the hash of its file if the log has one."""
+    """Return the name of a user's code, with the hash of its files if the log has one."""
     return class_identity(name, log.plugins[name]) if name in log.plugins else name
 
 

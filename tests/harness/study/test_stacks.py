@@ -9,6 +9,8 @@ import pytest
 
 from tests.harness.study.here import paired, run_here
 from wayproof.harness.cli.main import main
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import override
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.machine import code_digest
 from wayproof.harness.log.reader import open_log
@@ -16,7 +18,9 @@ from wayproof.harness.metrics import METRICS
 from wayproof.harness.statistics.exact import Interval
 from wayproof.harness.study.analysis import samples_of
 from wayproof.harness.study.compare import compare, differences_of, read_folder
+from wayproof.harness.study.contents import contents_of, named_by
 from wayproof.harness.study.file import read_study
+from wayproof.harness.study.job import episode_key
 from wayproof.harness.study.plan import Arm, plan_episodes, reference_of
 from wayproof.harness.study.report.charts import COLOURS, Curve, bars_chart
 from wayproof.harness.study.report.sections import stacks_section
@@ -308,3 +312,17 @@ def test_curves_of_stacks_stand_in_one_plot():
     alone = bars_chart([Curve("", doses, [rate] * 4)], label="x", ylabel="success", top=1.0)
     assert COLOURS[0] in alone
     assert COLOURS[1] not in alone
+
+
+@pytest.mark.parametrize("setting", ["planner.name", "prediction.source", "stack.name"])
+def test_a_module_that_a_user_s_code_imports_is_part_of_the_episode(tmp_path, setting):
+    own, imported = tmp_path / "own.py", tmp_path / "rates.py"
+    own.write_text("import rates\n\n\nclass Own:\n    pass\n")
+    config = override(
+        Config("empty", "drone", 0), [f"{setting}={own}:Own", "prediction.policy=guide"]
+    )
+    keys = []
+    for text in ("UP = 2.0\n", "UP = 2.0\n", "UP = 3.0\n"):
+        imported.write_text(text)
+        keys.append(episode_key(config, contents_of(named_by(config))))
+    assert keys[0] == keys[1] != keys[2]
