@@ -18,9 +18,10 @@ from wayproof.harness.study.looks import continued
 from wayproof.harness.study.lost import Lost
 from wayproof.harness.study.plan import Planned, name_of, plan_episodes
 from wayproof.harness.study.processes import ProcessEngine
+from wayproof.harness.study.result import StudyResult
 from wayproof.harness.study.rows import arrow_table, read_row
 from wayproof.harness.study.store import Store
-from wayproof.harness.study.study import StudyResult, conclude, read_own_rows, run_study
+from wayproof.harness.study.study import conclude, read_own_rows, run_study
 
 
 @dataclass(frozen=True)

@@ -22,8 +22,9 @@ if TYPE_CHECKING:
     from wayproof.harness.study.determinism import Certificate
     from wayproof.harness.study.file import StudyFile
     from wayproof.harness.study.plan import Planned
+    from wayproof.harness.study.result import StudyResult
     from wayproof.harness.study.store import Store
-    from wayproof.harness.study.study import Engine, StudyResult
+    from wayproof.harness.study.study import Engine
 
 SHOWN_FOREIGN = 10
 """Maximum number of lines about logs of other episodes; `--json` has all."""

@@ -17,7 +17,7 @@ from wayproof.harness.errors import InputError
 if TYPE_CHECKING:
     from wayproof.harness.log.reader import Log
     from wayproof.harness.recordings.options import RecordingOptions
-    from wayproof.harness.study.study import StudyResult
+    from wayproof.harness.study.result import StudyResult
 
 Document = dict[str, Any]
 

@@ -13,9 +13,10 @@ from wayproof.harness.study.default_gates import DEFAULT_GATES
 from wayproof.harness.study.gate import Gate, SequentialGate, read_gate
 from wayproof.harness.study.matching import settings_in
 from wayproof.harness.study.plan import Arm, Planned, plan_episodes
+from wayproof.harness.study.result import Paired, StudyResult
 from wayproof.harness.study.rows import Row
 from wayproof.harness.study.store import Store
-from wayproof.harness.study.study import Paired, StudyResult, judged, read_own_rows
+from wayproof.harness.study.study import judged, read_own_rows
 
 MOST_SHOWN = 4
 """Maximum number of differences between two folders that are named."""

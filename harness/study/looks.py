@@ -13,8 +13,8 @@ from wayproof.harness.study.analysis import is_imported
 from wayproof.harness.study.contents import Contents, contents_of
 from wayproof.harness.study.file import StudyFile, arms_of, files_of, seeds_of
 from wayproof.harness.study.plan import Planned, plan_episodes
+from wayproof.harness.study.result import StudyResult
 from wayproof.harness.study.store import Store
-from wayproof.harness.study.study import StudyResult
 
 FIRST = 5
 """Number of seeds before the first look."""

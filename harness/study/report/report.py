@@ -35,15 +35,10 @@ from wayproof.harness.study.report.sections import (
 )
 from wayproof.harness.study.report.view import map_picture
 from wayproof.harness.study.report.words import heading, number
+from wayproof.harness.study.result import StudyResult
 from wayproof.harness.study.rows import Row, first_difference, twins_of
 from wayproof.harness.study.store import Store
-from wayproof.harness.study.study import (
-    StudyResult,
-    answers_of,
-    conclude,
-    read_own_rows,
-    verdict_in_words,
-)
+from wayproof.harness.study.study import answers_of, conclude, read_own_rows, verdict_in_words
 
 SITE = "report"
 """Folder of the site in the folder of the study."""

@@ -15,7 +15,7 @@ from wayproof.harness.study.plan import CLEAN, Arm, name_of, perturbation_at
 from wayproof.harness.study.report.charts import Curve, bars_chart, stairs
 from wayproof.harness.study.report.page import Cell, Figure, Section
 from wayproof.harness.study.report.words import gate_reason, heading, number, side_of, spread
-from wayproof.harness.study.study import StudyResult
+from wayproof.harness.study.result import StudyResult
 from wayproof.harness.study.threshold import Thresholds, amount_at
 
 SHOWN_METRICS = (

@@ -18,7 +18,8 @@ from wayproof.harness.study.report.sections import (
     gates_section,
     lost_section,
 )
-from wayproof.harness.study.study import StudyResult, verdict_in_words
+from wayproof.harness.study.result import StudyResult
+from wayproof.harness.study.study import verdict_in_words
 
 MARKS = {
     "held": "✅",

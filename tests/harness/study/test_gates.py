@@ -18,9 +18,10 @@ from wayproof.harness.study.file import PACKAGED, files_of, read_study
 from wayproof.harness.study.gate import read_gate
 from wayproof.harness.study.gates import GateResult, gate_in_words, judge
 from wayproof.harness.study.plan import Arm, plan_episodes
+from wayproof.harness.study.result import StudyResult
 from wayproof.harness.study.rows import Row
 from wayproof.harness.study.store import Store
-from wayproof.harness.study.study import StudyResult, conclude, verdict_in_words
+from wayproof.harness.study.study import conclude, verdict_in_words
 
 ARM = Arm("warehouse", "drone", "", "none", 0)
 

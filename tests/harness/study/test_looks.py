@@ -18,8 +18,9 @@ from wayproof.harness.study.gate import SequentialGate, read_gate
 from wayproof.harness.study.gates import gate_in_words, verdict_of
 from wayproof.harness.study.looks import continued, run_until_decided, saved_in_words
 from wayproof.harness.study.plan import Planned, plan_episodes
+from wayproof.harness.study.result import StudyResult
 from wayproof.harness.study.store import Store
-from wayproof.harness.study.study import StudyResult, run_study
+from wayproof.harness.study.study import run_study
 from wayproof.models.world_files.options import Ends, Found
 from wayproof.models.world_files.world_file import world_text
 

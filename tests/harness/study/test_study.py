@@ -28,8 +28,9 @@ from wayproof.harness.study.file import files_of, read_study
 from wayproof.harness.study.gate import read_gate
 from wayproof.harness.study.job import Done, Job, run_job
 from wayproof.harness.study.plan import plan_episodes
+from wayproof.harness.study.result import StudyResult
 from wayproof.harness.study.store import Store, merge
-from wayproof.harness.study.study import StudyResult, count_missing, read_rows, run_study, shard
+from wayproof.harness.study.study import count_missing, read_rows, run_study, shard
 from wayproof.harness.worker_pool import Bounds
 from wayproof.models.world_files.options import Ends, Found
 from wayproof.models.world_files.world_file import world_text

@@ -10,7 +10,8 @@ from wayproof.harness.study.analysis import ArmSummary
 from wayproof.harness.study.gates import GateResult
 from wayproof.harness.study.plan import Arm
 from wayproof.harness.study.report.summary import junit, markdown
-from wayproof.harness.study.study import Paired, StudyResult, verdict_in_words
+from wayproof.harness.study.result import Paired, StudyResult
+from wayproof.harness.study.study import verdict_in_words
 
 ARM = Arm("empty", "drone", "", "none", 0)
 RATE = Interval(0.5, 0.1, 0.9)
