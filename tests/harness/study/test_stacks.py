@@ -317,7 +317,8 @@ def test_curves_of_stacks_stand_in_one_plot():
 @pytest.mark.parametrize("setting", ["planner.name", "prediction.source", "stack.name"])
 def test_a_module_that_a_user_s_code_imports_is_part_of_the_episode(tmp_path, setting):
     own, imported = tmp_path / "own.py", tmp_path / "rates.py"
-    own.write_text("import rates\n\n\nclass Own:\n    pass\n")
+    own.write_text("import rates\n\n\nclass Own:\n    def plan(self, *_):\n        pass\n")
+    imported.write_text("UP = 1.0\n")
     config = override(
         Config("empty", "drone", 0), [f"{setting}={own}:Own", "prediction.policy=guide"]
     )
