@@ -13,7 +13,7 @@ from pathlib import Path
 import msgspec
 
 from wayproof.harness.config import Config
-from wayproof.harness.config_document import document_of, from_json, to_json
+from wayproof.harness.config_document import document_of, from_json
 from wayproof.harness.errors import InputError
 from wayproof.harness.recordings.options import RecordingOptions
 from wayproof.harness.study.contents import PROGRAM, contents_of, named_by
@@ -105,12 +105,12 @@ def key_of(config: Config, planner: str, predictor: str, program: str) -> str:
         predictor: Source of predictions, likewise.
         program: Digest of Wayproof.
     """
-    text = to_json(config)
-    if (planner, predictor) != (config.planner.name, config.prediction.source):
-        document = document_of(config)  # no config takes names with hashes
+    document = document_of(config)
+    if planner != config.planner.name:  # no config takes a name with a hash
         document["planner"]["name"] = planner
+    if predictor != config.prediction.source:
         document["prediction"]["source"] = predictor
-        text = msgspec.json.encode(document)
+    text = msgspec.json.format(msgspec.json.encode(document), indent=1)  # as `to_json`
     return hashlib.sha256(program.encode() + b"\n" + text).hexdigest()[:24]
 
 
