@@ -47,6 +47,7 @@ from wayproof.harness.result import ADMITTED
 from wayproof.harness.scenario.outlines import outlines
 from wayproof.harness.scenario.robots import refuse_unused
 from wayproof.harness.scenario.scenario import Scenario, build, sensor_info
+from wayproof.models.sensors.caster import ROBOT_GROUP
 
 AGENT = "gymnasium"
 """Name of the stack in the logs of an agent's episodes."""
@@ -216,7 +217,7 @@ class WayproofEnv(gymnasium.Env[Given, NDArray[np.float32]], EzPickle):
         rays = np.stack([np.cos(bearings), np.sin(bearings)], axis=1)
         met = self._arrays["scan"] < SCAN_RANGE_M
         return draw(
-            outlines(episode.model, episode.data),
+            outlines(episode.model, episode.data, episode.model.geom_group != ROBOT_GROUP),
             (np.array(mission.low[:2]), np.array(mission.high[:2])),
             episode.seen.goal[:2],
             (at, heading, mission.radius),

@@ -6,23 +6,23 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.models.sensors.caster import ROBOT_GROUP
-
 TALLEST_FLOOR = 0.05
 """Height below which a geom counts as floor, m."""
 
 
-def outlines(model: mujoco.MjModel, data: mujoco.MjData) -> list[NDArray[np.float64]]:
-    """Return the outlines (4, 2) of the world's geoms: boxes exactly, others by their bounds.
+def outlines(
+    model: mujoco.MjModel, data: mujoco.MjData, shown: NDArray[np.bool_]
+) -> list[NDArray[np.float64]]:
+    """Return the outlines (4, 2) of geoms but planes: boxes exactly, others by their bounds.
 
     Args:
-        model: World and robot, which is left out.
+        model: World and robot.
         data: Poses of the geoms.
+        shown: (geoms,) the ones to outline.
     """
     found = []
-    for geom in range(model.ngeom):
-        robot = model.geom_group[geom] == ROBOT_GROUP
-        if robot or model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_PLANE:
+    for geom in np.flatnonzero(shown):
+        if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_PLANE:
             continue
         centre, half = model.geom_aabb[geom, :3], model.geom_aabb[geom, 3:]
         R = data.geom_xmat[geom].reshape(3, 3)

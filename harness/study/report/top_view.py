@@ -123,4 +123,4 @@ def footprints(scene: str) -> list[NDArray[np.float64]]:  # (4, 2) each
         raise InputError(f"scene: {' '.join(str(error).split())[:200]}") from None
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    return outlines(model, data)
+    return outlines(model, data, model.body_weldid[model.geom_bodyid] == 0)
