@@ -49,7 +49,7 @@ LAYERS = {
     "replay": ("gym", "replay"),
     "checks": ("counterfactual", "shadow"),
     "studies": ("lab", "study", "viewer"),
-    "facade": ("api", "map_files"),
+    "facade": ("api", "map_files", "shrink"),
     "benchmarks": ("bench",),
     "command line": ("cli",),
 }

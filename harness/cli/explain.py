@@ -135,7 +135,7 @@ def _explain_episode(log: Log, options: argparse.Namespace, console: Console) ->
     if verdict is not None:
         print_verdict(console, verdict)
     if options.png is not None:
-        _draw_episode(log, case, finding, target=options.png, console=console)
+        draw_episode(log, case, finding, target=options.png, console=console)
     document: Document = {
         "log": str(log.path),
         "outcome": log.result["outcome"],
@@ -178,7 +178,7 @@ def _print_course(log: Log, course: Sequence[Phase], console: Console) -> None:
         console.print(f"  {line}")
 
 
-def _draw_episode(
+def draw_episode(
     log: Log, case: Case | None, finding: Finding | None, target: Path, console: Console
 ) -> None:
     """Draw the decision of the cause, or the last one.

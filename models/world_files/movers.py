@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from math import hypot, isfinite
 from typing import Any
 
@@ -28,12 +28,17 @@ MAX_DROP = 1.5
 """Height above or below the floor from which a mover stands on another one, m."""
 
 
+ALWAYS = ("route", "times", "returns", "loops", "stands_off")
+"""Fields of a mover that are always written; of the others those that differ from the default."""
+
+DEFAULTS = {one.name: one.default for one in fields(Mover) if one.name not in ("name", "solids")}
+
+
 def mover_text(mover: Mover) -> str:
     """Return all of a mover but its solids, as JSON whose numbers read back as the same bits."""
-    return json.dumps({
-        "route": mover.route, "times": mover.times, "returns": mover.returns,
-        "loops": mover.loops, "stands_off": mover.stands_off, "kind": mover.solids[0].kind,
-    })  # fmt: skip
+    written = {name: getattr(mover, name) for name in (*ALWAYS, *DEFAULTS)
+               if name in ALWAYS or getattr(mover, name) != DEFAULTS[name]}  # fmt: skip
+    return json.dumps({**written, "kind": mover.solids[0].kind})
 
 
 def mover_of(name: str, text: str, parts: Sequence[Part]) -> Mover:
@@ -49,17 +54,15 @@ def mover_of(name: str, text: str, parts: Sequence[Part]) -> Mover:
     """
     try:
         content = json.loads(text)
-        solids = tuple(solid_of(replace(part, kind=str(content["kind"]))) for part in parts)
-        route = tuple(_point(point) for point in content["route"])
-        mover = Mover(
-            name, solids, route, stands_off=float(content["stands_off"]),
-            times=tuple(float(time) for time in content["times"]),
-            returns=bool(content["returns"]), loops=bool(content["loops"]),
-        )  # fmt: skip
-    except (LookupError, TypeError, ValueError, RecursionError) as error:
+        kind = str(content.pop("kind"))
+        solids = tuple(solid_of(replace(part, kind=kind)) for part in parts)
+        route = tuple(_point(point) for point in content.pop("route"))
+        times = tuple(float(time) for time in content.pop("times"))
+        others = {key: type(DEFAULTS[key])(value) for key, value in content.items()}
+        return Mover(name, solids, route, times=times, **others)
+    except (AttributeError, LookupError, TypeError, ValueError, RecursionError) as error:
         what = " ".join(str(error).split())[:100]
         raise ValueError(f"mover '{name}': not as 'wayproof import' writes it ({what})") from None
-    return mover
 
 
 def _point(values: Any) -> Vector3:

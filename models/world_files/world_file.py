@@ -165,14 +165,29 @@ def world_in_scene(model: mujoco.MjModel, robot: int) -> FileWorld:
     return _world_in(model, "", "scene", robot)
 
 
-def _world_in(model: mujoco.MjModel, text: str, path: Path | str, robot: int | None) -> FileWorld:
+def parts_in(model: mujoco.MjModel, path: Path | str, robot: int | None = None) -> Found:
+    """Return what a compiled world file or a scene with one holds, which `world_text` writes again.
+
+    Args:
+        model: The compiled world file, or a scene that was composed of one and a robot.
+        path: For what is said if it cannot be taken.
+        robot: Body of the robot.
+
+    Raises:
+        WorldFileError: The model holds what no world file does.
+    """
     try:
         found = found_in(model, path, robot)
-        found.plane = any(not plane.point[2] and plane.normal[2] == 1.0 for plane in found.planes)
     except ValueError as error:
         raise (
             error if isinstance(error, WorldFileError) else WorldFileError(path, _line(error))
         ) from None
+    found.plane = any(not plane.point[2] and plane.normal[2] == 1.0 for plane in found.planes)
+    return found
+
+
+def _world_in(model: mujoco.MjModel, text: str, path: Path | str, robot: int | None) -> FileWorld:
+    found = parts_in(model, path, robot)
     ends = found.ends()
     if ends is None or found.format != FORMAT:
         raise WorldFileError(path, f"world file of format '{found.format}', expected '{FORMAT}'")
@@ -214,6 +229,15 @@ def world_text(found: Found, ends: Ends, name: str) -> str:
         centre=_numbers(centre),
         geoms="\n".join(geoms),
     )
+
+
+def file_of(world: World) -> str:
+    """Write a generated world as a world file, with the same numbers."""
+    ends = Ends(world.low, world.high, world.start, world.start_heading, world.goal)
+    found = Found(movers=list(world.movers), route_length=world.route_length)
+    custom = "\n".join(_custom(found, ends))
+    head, visual, rest = world.mjcf().partition("  </visual>\n")
+    return f"{head}{visual}  <custom>\n{custom}\n  </custom>\n{rest}"
 
 
 def part_names(parts: Iterable[Part]) -> list[str]:
