@@ -49,7 +49,8 @@ LAYERS = {
     "replay": ("gym", "replay"),
     "checks": ("counterfactual", "shadow"),
     "studies": ("lab", "study", "viewer"),
-    "facade": ("api", "map_files", "shrink"),
+    "facade": ("api", "map_files"),
+    "regression": ("regress",),
     "benchmarks": ("bench",),
     "command line": ("cli",),
 }

@@ -21,7 +21,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Shrink a failure, or continue to."""
     from wayproof.harness.attribution import find_cause, read_case
     from wayproof.harness.log.reader import open_log
-    from wayproof.harness.shrink.shrink import command_of, shrink
+    from wayproof.harness.regress.shrink import command_of, shrink
     from wayproof.harness.worker_pool import Bounds
 
     check_engine(options)
@@ -50,7 +50,8 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     command = command_of(small, shrunk.world)
     for line in (f"log: {shrunk.log}", f"again: {command}"):
         console.print(line, soft_wrap=True)
-    return 0, {**asdict(shrunk), "command": command}
+    document = {**asdict(shrunk), "world": str(shrunk.world), "log": str(shrunk.log)}
+    return 0, {**document, "command": command}
 
 
 VERB = Verb(

@@ -102,7 +102,7 @@ class StudyFile(
         stacks: Navigation stacks, as `stack.name` has them; the built-in one is the reference, or
             else the first. Empty: the one of the settings.
         seeds: Number of seeds, counted from 0, or the seeds.
-        worlds: Names or files of worlds.
+        worlds: Names of worlds, or files: beside the study file, or by the working folder.
         imports: Import of a folder of worlds, in place of their names.
         recordings: Files or folders of recordings, in place of worlds.
         read: Selection of each recording.
@@ -173,7 +173,7 @@ def read_study(name: str, allow_plugins: bool = False, settings: Sequence[str] =
         if not path.is_file():
             raise unknown_name("study", name, [one.stem for one in PACKAGED.glob("*.toml")])
     try:
-        document = parse_toml(_text_of(path, name))
+        document = _beside(path, parse_toml(_text_of(path, name)))
         for text in settings:
             _set(document, text)
         study = _imported(msgspec.convert(document, StudyFile))
@@ -185,6 +185,20 @@ def read_study(name: str, allow_plugins: bool = False, settings: Sequence[str] =
     if not allow_plugins:
         refuse_code(study)
     return study
+
+
+def _beside(path: Path, document: dict[str, Any]) -> dict[str, Any]:
+    """Take files of worlds and robots that lie beside a study file by its folder."""
+    for field in ("worlds", "robots"):
+        names = document.get(field)
+        if isinstance(names, list):
+            document[field] = [
+                str(path.parent / name)
+                if isinstance(name, str) and "." in name and (path.parent / name).is_file()
+                else name
+                for name in names
+            ]
+    return document
 
 
 def _imported(study: StudyFile) -> StudyFile:

@@ -19,11 +19,11 @@ from wayproof.harness.statistics.sequential import evidence, mean_sequence, medi
 if TYPE_CHECKING:
     from wayproof.harness.study.analysis import Values
 
-Statistic = Literal["drop", "rise", "mean"]
+Statistic = Literal["drop", "rise", "mean", "every"]
 
-Figure = Literal["mean", "share with any", "median", "restricted mean"]
+Figure = Literal["mean", "share with any", "median", "restricted mean", "worst"]
 """What is bounded: the mean of a rate or a share; the share of the episodes with any event; the
-median; the mean of a time of which a failure counts the time limit."""
+median; the mean of a time of which a failure counts the time limit; the worst of the episodes."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,8 @@ class Gate:
     Attributes:
         text: Text of the gate.
         metric: Key of `METRICS`.
-        statistic: `drop` and `rise` against the reference, by pairs; `mean` of each arm.
+        statistic: `drop` and `rise` against the reference, by pairs; `mean` of each arm; `every`
+            episode of each arm, which says nothing of other episodes and needs no interval.
         at_most: Whether the bound is an upper one.
         bound: Bound, in the unit of the metric.
         proven: Whether it must be held even with `--allow-inconclusive`.
@@ -57,6 +58,8 @@ class Gate:
         world may be of any size.
         """
         support = METRICS[self.metric].support
+        if self.statistic == "every":
+            return "worst"
         if support.timed:
             return "restricted mean"
         if support.kind == "count" and abs(self.bound) < 1.0:
@@ -65,9 +68,17 @@ class Gate:
 
     def interval(self, values: Values, confidence: float) -> Interval | None:
         """Return the figure with its interval; None without a value."""
+        if self.figure == "worst":
+            return self._worst(values)
         if self.figure == "median" and values.second:
             return quantile_interval(values.of_worlds, confidence=confidence)
         return values.interval(confidence)
+
+    def _worst(self, values: Values) -> Interval | None:
+        if not values.second:
+            return None
+        worst = max(values.second) if self.at_most else min(values.second)
+        return Interval(worst, worst, worst)
 
     def worlds_needed(self, values: Values, interval: Interval, tail: float) -> int | None:
         """Return about how many worlds would decide it at the same estimate; None at the bound.
@@ -117,6 +128,8 @@ class SequentialGate(Gate):
 
     def interval(self, values: Values, confidence: float) -> Interval | None:
         """Return the figure with an interval over all looks; None without a value."""
+        if self.figure == "worst":
+            return self._worst(values)
         if not values.second:
             return None
         if self.figure == "median":

@@ -44,6 +44,7 @@ class GateResult:
         required: Whether the gate is `proven`: it must be held even if inconclusive ones may pass.
         figure: What is bounded.
         sequential: Whether the interval holds at every look.
+        episodes: Number of episodes, or of pairs.
     """
 
     gate: str
@@ -57,6 +58,7 @@ class GateResult:
     keeps: bool = True
     figure: Figure = "mean"
     sequential: bool = False
+    episodes: int = 0
 
 
 def judge(
@@ -71,7 +73,8 @@ def judge(
     """
     populations = _populations(samples)
     judged = [(gate, one) for gate in gates for one in _arms_of(gate, populations)]
-    return [_judge(gate, one, len(judged), time_limit) for gate, one in judged]
+    intervals = sum(gate.figure != "worst" for gate, _ in judged)
+    return [_judge(gate, one, max(intervals, 1), time_limit) for gate, one in judged]
 
 
 def _arms_of(gate: Gate, samples: Sequence[Sample]) -> list[Sample]:
@@ -80,7 +83,7 @@ def _arms_of(gate: Gate, samples: Sequence[Sample]) -> list[Sample]:
     No referee judges the built-in stack, so its arms are left out beside those of stacks on trial.
     Without these they stay, and the gate is inconclusive, as nothing is shown.
     """
-    arms = [one for one in samples if one.compared or gate.statistic == "mean"]
+    arms = [one for one in samples if one.compared or gate.statistic in ("mean", "every")]
     if gate.metric not in OF_STACKS_ON_TRIAL:
         return arms
     return [one for one in arms if one.arm.stack != BUILTIN] or arms
@@ -125,6 +128,7 @@ def _judge(gate: Gate, sample: Sample, gates: int, time_limit: float) -> GateRes
         keeps=interval is None or gate.keeps(interval),
         figure=gate.figure,
         sequential=gate.sequential,
+        episodes=len(values.second),
     )
 
 
@@ -136,12 +140,13 @@ def _values(gate: Gate, sample: Sample, time_limit: float) -> Values:
         known = row.metrics[gate.metric]
         if gate.figure == "share with any":
             return None if known is None else float(known > 0.0)
-        failed = gate.figure == "restricted mean" and known is None and row.way is None
-        return support.high if failed and math.isfinite(support.high) else known
+        late = support.timed and known is None and row.way is None  # it did not get there
+        counts = gate.figure in ("restricted mean", "worst") and math.isfinite(support.high)
+        return support.high if late and counts else known
 
     if gate.figure == "share with any":
         support = RATE
-    if gate.statistic == "mean":
+    if gate.statistic in ("mean", "every"):
         return values_by([row for row in sample.rows if row.ran], value, support)
     ran = [(twin, row) for twin, row in sample.pairs if twin.ran and row.ran]
     if gate.statistic == "drop":
@@ -180,6 +185,9 @@ def gate_in_words(result: GateResult) -> str:
     text = f"{result.gate} for {name_of(result.arm)}: "
     if result.interval is None:
         return f"{text}no episode has this figure"
+    if result.figure == "worst":
+        episodes = "the episode" if result.episodes == 1 else f"{result.episodes} episodes"
+        return f"{text}worst of {episodes} {result.interval.estimate:.3f}"
     worlds = "1 world" if result.worlds == 1 else f"{result.worlds} worlds"
     coverage = "95 %" if result.gates == 1 else f"simultaneous 95 % over {result.gates} gates"
     coverage += " at every look" if result.sequential else ""

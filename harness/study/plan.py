@@ -207,11 +207,11 @@ def _check_names(study: StudyFile) -> None:
 
 def _refuse_differences(study: StudyFile) -> None:
     for gate in gates_of(study):
-        if gate.statistic != "mean":
+        if gate.statistic in ("drop", "rise"):
             raise InputError(
                 f"gate '{gate.text}': a difference needs pairs, and study '{study.name}' has none: "
                 "expected [perturbations], two stacks, an axis of at least two values, or "
-                "METRIC.mean"
+                "METRIC.mean or METRIC.every"
             )
 
 

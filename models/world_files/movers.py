@@ -31,7 +31,9 @@ MAX_DROP = 1.5
 ALWAYS = ("route", "times", "returns", "loops", "stands_off")
 """Fields of a mover that are always written; of the others those that differ from the default."""
 
-DEFAULTS = {one.name: one.default for one in fields(Mover) if one.name not in ("name", "solids")}
+DEFAULTS: dict[str, Any] = {
+    one.name: one.default for one in fields(Mover) if one.name not in ("name", "solids")
+}
 
 
 def mover_text(mover: Mover) -> str:

@@ -275,3 +275,22 @@ def test_packaged_gates_can_be_held_by_their_own_seeds(path: Path) -> None:
     samples = samples_of(paired(rows, planned[0].arm.variant, planned[0].arm.stack))
     results = judge(samples, [read_gate(one) for one in study.gates], 60.0)
     assert {one.verdict for one in results} <= {"held"}
+
+
+@pytest.mark.parametrize(
+    ("gate", "verdict", "worst"),
+    [
+        ("success.every >= 1", "failed", 0.0),
+        ("collisions.every <= 0", "held", 0.0),
+        ("time_to_goal.every <= 60", "held", 60.0),
+        ("time_to_goal.every <= 59", "failed", 60.0),
+        ("jerk.every <= 3", "inconclusive", None),
+    ],
+)
+def test_a_gate_on_every_episode_is_exact_and_counts_in_no_correction(gate, verdict, worst):
+    rows = [row(0, time_to_goal=5.0), row(1, outcome="timeout")]
+    result = judged(gate, rows)
+    assert result.verdict == verdict
+    assert (None if result.interval is None else result.interval.estimate) == worst
+    beside = result_of(rows, gate, "collisions.mean <= 1").gates[1]
+    assert beside.gates == 1

@@ -16,11 +16,11 @@ from wayproof.harness.attribution.procedure import find_cause
 from wayproof.harness.config import BUILTIN
 from wayproof.harness.config_document import as_asked
 from wayproof.harness.counterfactual.check import check
-from wayproof.harness.counterfactual.record import record_check
+from wayproof.harness.counterfactual.verdict import record_check
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import Log, open_log
-from wayproof.harness.shrink.reductions import REDUCTIONS, changed_settings
-from wayproof.harness.shrink.scene import Case, case_of
+from wayproof.harness.regress.reductions import REDUCTIONS, changed_settings
+from wayproof.harness.regress.scene import Case, case_of
 from wayproof.harness.study.contents import contents_of, named_by
 from wayproof.harness.study.matching import open_planned
 from wayproof.harness.study.plan import CLEAN, Arm, Planned, planned_for
@@ -208,11 +208,11 @@ def _reduced(case: Case, trials: _Trials, say: Callable[[str], None]) -> tuple[C
     before = None
     while before != (before := (case.text(), case.config)):  # what is taken away may free more
         for name, reduction in REDUCTIONS.items():
-            steps, fails = reduction(case), None
+            steps = reduction(case)
             try:
+                asked = next(steps)
                 while True:
-                    asked = steps.send(fails)
-                    fails = trials.fail_alike(asked)
+                    asked = steps.send(trials.fail_alike(asked))
             except StopIteration as stop:
                 smaller: Case = stop.value
                 if (smaller.text(), smaller.config) != (case.text(), case.config):

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import hashlib
-import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import mujoco
+import numpy as np
 
 from wayproof.harness.config import Config
 from wayproof.harness.config_document import as_asked
 from wayproof.harness.errors import InputError
+from wayproof.harness.geometry import yaw_of_quaternion
 from wayproof.harness.log.reader import Log
 from wayproof.harness.recompute.rebuild import rebuild
 from wayproof.harness.scenario.worlds import apply_world_perturbation, generate
+from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.models.world_files import WorldFileError
 from wayproof.models.world_files.options import Ends, Found
 from wayproof.models.world_files.world_file import file_of, parts_in, world_text
@@ -117,12 +119,11 @@ def case_of(log: Log, decision: int, robot: str | None = None) -> Case:
 
 
 def _way(log: Log, decision: int) -> tuple[Place, ...]:
-    places = []
-    for truth in log.truth():
-        if truth.sequence > decision:
-            break
-        w, x, y, z = truth.quaternion
-        heading = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-        time = truth.timestamp.ToNanoseconds() * 1e-9
-        places.append(Place(truth.position[0], truth.position[1], heading, time))
-    return tuple(places)
+    return tuple(place_of(truth) for truth in log.truth() if truth.sequence <= decision)
+
+
+def place_of(truth: pb.Truth) -> Place:
+    """Return where a robot truly was."""
+    x, y, _ = truth.position
+    heading = yaw_of_quaternion(np.array(truth.quaternion))
+    return Place(x, y, heading, truth.timestamp.ToNanoseconds() * 1e-9)

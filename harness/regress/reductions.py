@@ -13,7 +13,7 @@ import msgspec
 
 from wayproof.harness.config import Config
 from wayproof.harness.config_document import override, setting_names, value_of
-from wayproof.harness.shrink.scene import Case
+from wayproof.harness.regress.scene import Case
 from wayproof.models.world_files.ground import FLOOR_KIND
 from wayproof.models.worlds.movers import Mover
 

@@ -1,1 +1,0 @@
-"""Shrinking of a failure: the smallest scenario that fails in the same way, for the same cause."""

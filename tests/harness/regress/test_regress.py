@@ -1,0 +1,78 @@
+"""A failure is shrunk, becomes a test folder, and pytest fails on it until the stack is mended."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+
+from wayproof.harness.cli.main import main
+from wayproof.harness.log.reader import open_log
+
+PLUGIN = "wayproof.harness.regress.pytest_plugin"
+
+
+@pytest.fixture(scope="module")
+def failure(tmp_path_factory):
+    """A log of a drone that flies straight at its goal into a pillar."""
+    path = tmp_path_factory.mktemp("failure") / "blind.mcap"
+    words = ["run", "cylinders", "--robot", "drone", "--seed", "2", "--stack", "blind"]
+    assert main([*words, "--log", str(path)]) == 1
+    return path
+
+
+@pytest.mark.large
+def test_what_is_left_fails_alike_and_is_smaller(failure, tmp_path):
+    shrunk = tmp_path / "shrunk"
+    words = ["shrink", str(failure), "--jobs", "1", "--json"]
+    assert main([*words, "--out", str(shrunk)]) == 0
+    before, after = open_log(failure), open_log(shrunk / "shrunk.mcap")
+    for figure in ("outcome", "cause"):
+        assert after.result[figure] == before.result[figure]
+    assert after.scene.count("<geom") < before.scene.count("<geom") / 2
+    again = tmp_path / "again.mcap"
+    words = ["run", str(shrunk / "world.xml"), "--robot", "drone", "--seed", "2"]
+    assert main([*words, "--stack", "blind", "--log", str(again)]) == 1
+    assert open_log(again).result["chain"] == after.result["chain"]
+    assert not (shrunk / "tries").exists()
+
+
+def test_a_bound_ends_the_search_which_goes_on(failure, tmp_path, capsys):
+    words = ["shrink", str(failure), "--jobs", "1", "--json", "--out", str(tmp_path / "small")]
+    assert main([*words, "--at-most", "2"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert not document["ended"]
+    assert document["before"] == document["after"]
+    assert (tmp_path / "small" / "tries" / "logs").is_dir()
+
+
+def test_a_success_has_nothing_to_shrink(tmp_path, capsys):
+    log = tmp_path / "good.mcap"
+    words = ["run", "empty", "--robot", "drone", "--seed", "1", "--goal", "3,3"]
+    main([*words, "--log", str(log)])
+    capsys.readouterr()
+    assert main(["shrink", str(log)]) == 2
+    assert "success, expected a failure with a cause" in capsys.readouterr().err
+
+
+def test_pytest_fails_until_the_stack_is_mended(failure, tmp_path):
+    test = tmp_path / "test"
+    assert main(["regress", str(failure), "--out", str(test)]) == 0
+    words = [sys.executable, "-m", "pytest", "-q", "-p", PLUGIN, "--wayproof", str(test), str(test)]
+    found = run_pytest(words, tmp_path)
+    assert found.returncode == 1, found.stdout
+    assert "2 failed" in found.stdout
+    assert "failed: success.every >= 1" in found.stdout
+    assert "wayproof explain" in found.stdout
+    mended = [*words, "--wayproof-set", "stacks=builtin", f"--junitxml={tmp_path / 'junit.xml'}"]
+    found = run_pytest(mended, tmp_path)
+    assert found.returncode == 0, found.stdout
+    assert 'name="success.every' in (tmp_path / "junit.xml").read_text()
+
+
+def run_pytest(words, folder):
+    own = {name: text for name, text in os.environ.items() if not name.startswith("PYTEST")}
+    return subprocess.run(words, cwd=folder, env=own, text=True, capture_output=True, check=False)
