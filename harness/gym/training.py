@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from wayproof.harness.stack.field_of_view import is_omnidirectional
 
 from wayproof.harness.config import Config
 from wayproof.harness.goals import distance, goal_message
@@ -30,6 +29,7 @@ from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.sim.injector import PerturbationInjector
 from wayproof.harness.sim.simulation import Simulation
 from wayproof.harness.sim.termination import TerminationMonitor
+from wayproof.harness.stack.gait import is_omnidirectional
 from wayproof.harness.stack.gaits import gait_of
 from wayproof.harness.stack.planner_input import motion_limits
 from wayproof.models.robots.robot import ROBOT_PREFIX
