@@ -110,7 +110,7 @@ struct Sweep {
 struct Fate {
   std::uint32_t sequence = 0;
   std::string fate;    // followed, late or cut
-  std::string verdict; // admitted, unknown or blocked
+  std::string verdict; // admitted, stale, unknown or blocked
 };
 
 struct Observation {

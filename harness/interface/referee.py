@@ -1,8 +1,9 @@
 """The referee: the verdict on a command, by the harness's own map and costmap.
 
 The space that the body sweeps before it is at rest is admitted if the unknown policy lets the body
-enter all of it, blocked if it overlaps what is occupied or lies outside of the operating area, and
-else unknown. The same for every stack, and a pure function of the logged inputs.
+enter all of it and all of it was seen recently, stale if a part was not, blocked if it overlaps
+what is occupied or lies outside of the operating area, and else unknown. The same for every stack,
+and a pure function of the logged inputs.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from wayproof.harness.interface.types import Array, Verdict
 from wayproof.harness.stack import obstruction
 from wayproof.harness.stack.footprint_checks import poses_from
 from wayproof.harness.stack.obstruction import Obstruction
+from wayproof.harness.stack.old_evidence import OldEvidence, old_evidence
 from wayproof.harness.stack.types import PlannerInput, arc_length
 from wayproof.planners import FreeSpace, Trajectory
 
@@ -25,12 +27,14 @@ class Judgement:
     """The verdict on one command and where it comes from.
 
     Attributes:
-        verdict: `admitted`, `unknown` or `blocked`.
+        verdict: `admitted`, `stale`, `unknown` or `blocked`.
         overlap: The first overlap with what the body may not enter; its length of way if none.
+        old: The first place with old evidence, of what is stale.
     """
 
     verdict: Verdict
     overlap: Obstruction
+    old: OldEvidence | None = None
 
 
 def judge(trajectory: Trajectory, circumscribed: PlannerInput, oriented: PlannerInput) -> Judgement:
@@ -46,6 +50,8 @@ def judge(trajectory: Trajectory, circumscribed: PlannerInput, oriented: Planner
     if (swept == swept[0]).all():  # it keeps its place; a body that creeps does not
         return Judgement("admitted", Obstruction(0.0))
     if is_free(circumscribed.traversable, oriented.traversable, poses, path):
+        if (old := old_evidence(oriented, path)) is not None:
+            return Judgement("stale", Obstruction(old.free_m), old)
         return Judgement("admitted", Obstruction(arc_length(path)))
     overlap = obstruction.on_poses(oriented, poses, oriented.unknown_blocks)
     blocked = not is_free(circumscribed.optimistic, oriented.optimistic, poses, path)

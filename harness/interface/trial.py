@@ -33,6 +33,7 @@ from wayproof.harness.mission import Mission
 from wayproof.harness.schema import stack_pb2 as sb
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.footprint_mode import FootprintDecision
+from wayproof.harness.stack.manoeuvres.old_evidence import reason_of
 from wayproof.harness.stack.manoeuvres.stopping import brake
 from wayproof.harness.stack.obstruction import braking_reason, obstructed
 from wayproof.harness.stack.pipeline import Navigator
@@ -203,6 +204,8 @@ class TrialNavigator(Navigator):
         unknown = judgement.verdict == "unknown"
         label: Label = "unknown_ahead" if unknown else "path_blocked"
         reason, _ = braking_reason(judgement.overlap)
+        if judgement.old is not None:
+            label, reason = "map_stale", reason_of(planner_input, judgement.old)
         if is_stationary(start):
             trajectory = hold(start.position, planner_input.effect_ns, start.heading)
             return Command("stop_and_wait", reason, label, trajectory)

@@ -37,7 +37,7 @@ Array = NDArray[np.float64]
 INTERFACE_VERSION = 1
 """Version of the stack interface; a stack of another version is refused at the start."""
 
-Verdict = Literal["admitted", "unknown", "blocked"]
+Verdict = Literal["admitted", "stale", "unknown", "blocked"]
 """The referee's verdict on the space that a command can sweep before the body is at rest."""
 
 

@@ -25,6 +25,7 @@ from wayproof.harness.stack.manoeuvres.lost_pose import (
     hold_position,
     record_unheld_trail,
 )
+from wayproof.harness.stack.manoeuvres.old_evidence import stop_in_seen_space
 from wayproof.harness.stack.manoeuvres.recovery import (
     RECOVERIES,
     Wait,
@@ -47,6 +48,8 @@ MANOEUVRES: tuple[Callable[[Situation], Decided | None], ...] = (
     give_up_at_goal,
     arrive,
     go_back_to_held,
+    # Then the evidence: all that follows moves by the map, which must be of now.
+    stop_in_seen_space,
     # Then the body: inside the inflation no path leads on, and a way out is not left halfway.
     escape_inflation,
     continue_escape,

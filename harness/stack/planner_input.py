@@ -200,6 +200,7 @@ class PlannerInputBuilder:
             range_sigma=self._mapper.range_sigma,
             pose_age_s=self._mapper.pose_age_ns * 1e-9,
             horizon=Horizon(*self._mapper.window.inner, self._far_ways.way),
+            observed_ns=self._mapper.map.observed_ns_at,
         )
 
     def oriented(self, circumscribed: PlannerInput) -> PlannerInput:

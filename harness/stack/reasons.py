@@ -29,6 +29,7 @@ Kind = Literal[
     "no_path",
     "goal_blocked",
     "localization_lost",
+    "old_evidence",
     "late",
     "arrived",
     "commanded",
@@ -51,8 +52,8 @@ class Reason:
         turn_rad: Heading that the body turns to, or angle by which it turns out of the inflation,
             rad.
         waited_s: Time that it has waited at rest, s.
-        delay_s: Delay of the decision, s.
-        deadline_s: Deadline of the decision, s.
+        delay_s: Delay of the decision, or age of the evidence, s.
+        deadline_s: Its limit, s.
         since: Number of the decision in which this began.
         places: Number of places that it has looked from.
         iterations: Iterations of the search.
@@ -144,6 +145,11 @@ MEANINGS: dict[Kind, Meaning] = {
     ),
     "goal_blocked": Meaning("the goal is inside the inflation", RESTS, ("goal_blocked",)),
     "localization_lost": Meaning("localization lost", ("recover", *RESTS), ("localization_lost",)),
+    "old_evidence": Meaning(
+        "what lies on the way was last seen {delay_ms:.0f} ms ago, {deadline_ms:.0f} allowed",
+        ("stop_and_wait",),
+        ("map_stale",),
+    ),
     "late": Meaning(
         "{delay_ms:.0f} ms, {deadline_ms:.0f} allowed: the last trajectory stands",
         ("follow", "stop_and_wait"),

@@ -33,6 +33,9 @@ LENGTH_ROUNDING = 1e-6
 CellStates = Callable[[NDArray[np.int64], NDArray[np.int64]], NDArray[np.uint8]]
 """States (nx, ny, nz) of the cells between two corners (3,) of the costmap, the upper excluded."""
 
+ObservedNs = Callable[[Array], NDArray[np.int64]]
+"""Times (n,) at which places (n, 3), m, were last measured, ns; -1 of one that never was."""
+
 
 class Localization(NamedTuple):
     """Uncertainty of the pose, by an estimator that states a covariance.
@@ -129,6 +132,7 @@ class PlannerInput:
         range_sigma: Standard deviation of the ranges of the sweeps, m; 0 where it is not estimated.
         pose_age_s: Time since the pose was estimated, by its stamp or as it comes again, s.
         horizon: Part of the operating area that the spaces hold.
+        observed_ns: When each place was last measured, by the stamps of the sweeps.
     """
 
     time_ns: int
@@ -144,6 +148,7 @@ class PlannerInput:
     range_sigma: float = 0.0
     pose_age_s: float = 0.0
     horizon: Horizon = EVERYWHERE
+    observed_ns: ObservedNs = lambda places: np.full(len(places), -1)
 
     @property
     def traversable(self) -> FreeSpace:

@@ -211,7 +211,7 @@ DECISIONS = (
         "verdict",
         TEXT,
         "",
-        "the referee's: admitted, unknown or blocked; null for the built-in stack",
+        "the referee's: admitted, stale, unknown or blocked; null for the built-in stack",
         lambda one: one.verdict,
     ),
     _verdict(

@@ -33,7 +33,12 @@ LANES = {
         "goal": 0x1E8C8CFF,
         "abort": 0xD22828FF,
     },
-    "verdict": {"admitted": 0x2E9E4FFF, "unknown": 0xE0A000FF, "blocked": 0xD22828FF},
+    "verdict": {
+        "admitted": 0x2E9E4FFF,
+        "stale": 0x8A6FD1FF,
+        "unknown": 0xE0A000FF,
+        "blocked": 0xD22828FF,
+    },
     "event": {kind: colours.packed(colour) for kind, colour in events.COLOURS.items()},
 }
 """Colours of the states of the lanes."""

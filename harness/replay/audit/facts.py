@@ -9,7 +9,7 @@ import numpy as np
 
 from wayproof.harness.decision import path_of
 from wayproof.harness.geometry import wrap_angle
-from wayproof.harness.log.paths import Array, length, place_at
+from wayproof.harness.log.paths import Array, densely, length, place_at
 from wayproof.harness.replay.audit.committed import Committed, hold
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.reasons import Kind
@@ -254,6 +254,19 @@ def lost(now: Committed, past: Past) -> Iterator[str]:
         yield f"{value:.2f} m are within what is allowed"
 
 
+def old_evidence(now: Committed, past: Past) -> Iterator[str]:
+    """Check that something on the way was last seen so long ago, unless a guard cut another way."""
+    yield from same("deadline_s", now.reason.deadline_s, now.config.behaviour.max_evidence_age)
+    age_s = now.reason.delay_s
+    if not age_s > now.reason.deadline_s:
+        yield "that is recent"
+    places = densely(now.path, now.config.map.resolution)
+    seen_ns = int(now.measured.observed_ns_at(places).min())
+    oldest_s = (now.decision.timestamp.ToNanoseconds() - seen_ns) * 1e-9
+    if age_s > oldest_s + NEAR and not now.decision.verdict.cut:
+        yield f"delay_s is {age_s:.3f}, the oldest evidence is {oldest_s:.3f} s old"
+
+
 def late(now: Committed, past: Past) -> Iterator[str]:
     """Check that the decision came late, and the trajectory is the last one."""
     reason, decision = now.reason, now.decision
@@ -296,7 +309,7 @@ def commanded(now: Committed, past: Past) -> Iterator[str]:
     longest = now.length
     if not now.reason.free_m <= longest + NEAR:
         yield f"free_m is {now.reason.free_m:.3f}, the path is {longest:.3f} long"
-    if (verdict.verdict == "admitted") == now.reason.HasField("cell"):
+    if (verdict.verdict in ("admitted", "stale")) == now.reason.HasField("cell"):
         yield f"the verdict is {verdict.verdict}"
 
 
@@ -319,6 +332,7 @@ FACTS: dict[Kind, Fact] = {
     "no_path": no_path,
     "goal_blocked": waited,
     "localization_lost": lost,
+    "old_evidence": old_evidence,
     "late": late,
     "arrived": arrived,
     "commanded": commanded,

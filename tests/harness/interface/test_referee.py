@@ -28,11 +28,13 @@ def verdict(
     heading=0.0,
     position=(1.05, 2.05),
     speed=0.0,
+    observed=None,
     **rectangles,
 ):
     states = make_states(**rectangles)
     circumscribed = make_input(states, ROUND if body is ROUND else wide(), policy, position)
-    oriented = make_input(states, body, policy, position)
+    seen = {} if observed is None else {"observed_ns": observed, "time_ns": 10**10}
+    oriented = make_input(states, body, policy, position, **seen)
     velocity = np.array([speed, 0.0, 0.0])
     reference = Reference(place(*position), velocity, heading, 0.0, at_rest=speed == 0.0)
     if isinstance(motion, Velocity | Waypoints | Samples):
@@ -55,6 +57,29 @@ def test_free_space_to_the_rest_is_admitted_with_its_length():
     assert found.verdict == "admitted"
     assert found.overlap.free_m == pytest.approx(2.0, abs=1e-6)
     assert found.overlap.cell is None
+
+
+def seen(x, age_s):
+    """Times of places at 10 s: those from x on were last seen some time ago, the others now."""
+    return lambda places: (1e9 * (10.0 - age_s * (places[:, 0] >= x))).astype(np.int64)
+
+
+def test_what_was_last_seen_long_ago_is_stale_up_to_where_the_body_comes_to_it():
+    found = verdict(to(6.05), observed=seen(4.0, 0.6))
+    assert found.verdict == "stale"
+    assert found.overlap.free_m == pytest.approx(4.0 + 0.3 - 1.05, abs=0.26)
+    assert found.old.age_s == pytest.approx(0.6)
+    assert verdict(to(6.05), observed=seen(4.0, 0.5)).verdict == "admitted"
+    assert verdict(to(3.05), observed=seen(4.0, 0.6)).verdict == "admitted"
+    assert verdict(Velocity(0.0), observed=seen(0.0, 60.0)).verdict == "admitted"
+
+
+def test_what_is_blocked_or_unknown_is_so_whenever_it_was_seen():
+    old = seen(0.0, 60.0)
+    assert verdict(to(6.05), occupied=[WALL], observed=old).verdict == "blocked"
+    assert verdict(to(6.05), unknown=[FOG], observed=old).verdict == "unknown"
+    never = verdict(to(6.05), observed=lambda places: np.full(len(places), -1))
+    assert never.verdict == "admitted"
 
 
 def test_an_obstacle_blocks_where_the_body_would_overlap_it():

@@ -32,7 +32,7 @@ from wayproof.harness.stack.types import PlannerInput
 WALL = (4.0, 4.3, 0.0, 4.0)
 """From one side of the room to the other, between start and goal."""
 
-NAVIGATORS_OWN = {"deadline_missed", "map_stale"}
+NAVIGATORS_OWN = {"deadline_missed"}
 """Labels that `decide` does not give."""
 
 
@@ -172,6 +172,21 @@ def it_stands_a_metre_beside_its_trajectory():
     return Case(make_input(position=(1.05, 3.05)), at_rest())
 
 
+def seen_at_the_start(places):
+    """What lies beyond 1 m ahead was last seen at the start, all else now."""
+    return np.where(places[:, 0] > START[0] + 1.0, 0, 10**9)
+
+
+def nothing_has_looked_ahead_since_it_set_out():
+    state = drive(8)
+    return Case(next_input(state, 8, observed_ns=seen_at_the_start), state)
+
+
+def nothing_has_looked_since_it_came_to_rest():
+    input = make_input(sequence=8, observed_ns=lambda places: np.zeros(len(places)))
+    return Case(input, at_rest())
+
+
 def it_stands_at_the_goal():
     return Case(make_input(position=GOAL), at_rest(GOAL))
 
@@ -212,6 +227,8 @@ CASES = {
     all_about_it_is_occupied: ("stop_and_wait", "start_blocked", "leaving_inflation"),
     a_long_body_lies_askew_in_a_lane: ("recover", "start_blocked", "leaving_inflation"),
     it_stands_a_metre_beside_its_trajectory: ("recover", "localization_lost", "localization_lost"),
+    nothing_has_looked_ahead_since_it_set_out: ("stop_and_wait", "map_stale", "old_evidence"),
+    nothing_has_looked_since_it_came_to_rest: ("stop_and_wait", "map_stale", "old_evidence"),
     it_stands_at_the_goal: ("goal", "none", "arrived"),
 }
 """What each is decided to be: action, label and kind of reason."""
