@@ -14,7 +14,7 @@ from wayproof.harness.attribution.case import Case
 from wayproof.harness.attribution.commanded import CommandedFacts
 from wayproof.harness.attribution.contact_facts import LATE, ContactFacts, contact_facts
 from wayproof.harness.attribution.finding import Finding
-from wayproof.harness.attribution.ranges import RECENT
+from wayproof.harness.attribution.old_evidence import OLD_TESTS
 from wayproof.harness.result import Contact
 
 BLIND = 1.0
@@ -87,9 +87,6 @@ def perception(facts: ContactFacts) -> str | None:
 
 def latency(facts: ContactFacts) -> str | None:
     """A decision that avoids the obstacle was made in time, but took effect too late."""
-    if facts.ranges.withheld >= 0.5:
-        share = f"{facts.ranges.withheld:.0%} of the last {RECENT} decisions"
-        return f"{share} were made without a new sweep"
     if facts.late is None:
         return None
     number, delay, expected = facts.late
@@ -186,6 +183,7 @@ def margin_too_small(facts: ContactFacts) -> str | None:
 TESTS: tuple[tuple[str, Callable[[ContactFacts], str | None]], ...] = (
     ("disregarded_obstacle", went_through_obstacle),
     ("unseen_obstacle", went_into_the_unknown),
+    *OLD_TESTS,
     ("localization", localization),
     ("perception", perception),
     ("plugin_failed", stack_late),

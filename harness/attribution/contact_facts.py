@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +18,7 @@ from wayproof.harness.attribution.commanded import (
     commands_to,
     on_trial,
 )
+from wayproof.harness.attribution.old_evidence import OldFacts, old_facts
 from wayproof.harness.attribution.pose import PoseFacts, error_of, pose_facts, usual_margin
 from wayproof.harness.attribution.ranges import RangeFacts, range_facts
 from wayproof.harness.decision import path_of
@@ -77,6 +80,7 @@ class ContactFacts:
         commanded: The commands of a stack on trial that led to it against the referee's verdict;
             None of the built-in stack, or if those that led to it were admitted.
         prior_free: Number of the unknown cells that a prior map which admits has free.
+        old: Measures what of the evidence was old.
     """
 
     name: str
@@ -104,6 +108,7 @@ class ContactFacts:
     hidden: int = 0
     commanded: CommandedFacts | None = None
     prior_free: int = 0
+    old: Callable[[], OldFacts] = OldFacts
 
 
 def contact_facts(case: Case, contact: Contact, time_s: float) -> ContactFacts:
@@ -151,6 +156,7 @@ def contact_facts(case: Case, contact: Contact, time_s: float) -> ContactFacts:
             case, numbers=commands, navigator=navigator, decision=number, name=contact.name
         ),
         prior_free=admitted,
+        old=cache(lambda: old_facts(case, _decision_before(case, time_s))),
     )
 
 

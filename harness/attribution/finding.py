@@ -14,6 +14,8 @@ CAUSES = (
     "moved_obstacle",
     "ghost_obstacle",
     "tracking",
+    "frozen_evidence",
+    "stale_evidence",
     "latency",
     "planner",
     "impossible",

@@ -29,9 +29,6 @@ SWEEPS = 16
 END_S = 3.0
 """Duration of the end of an episode, s."""
 
-RECENT = 20
-"""Decisions before the end that show whether sweeps still came: 2 s at 10 Hz."""
-
 BEAMS = 1500
 """Number of beams of a sweep that are cast, evenly spread."""
 
@@ -70,7 +67,6 @@ class RangeFacts:
             it, as noise makes both.
         bias: Median of reported less true range, m.
         blind: Distance below which the map drops every return, m.
-        withheld: Fraction of the last `RECENT` moments without a sweep of the first sensor.
     """
 
     lost: float = 0.0
@@ -78,7 +74,6 @@ class RangeFacts:
     early: float = 0.0
     bias: float = 0.0
     blind: float = 0.0
-    withheld: float = 0.0
 
     @property
     def lied(self) -> bool:
@@ -136,18 +131,12 @@ def range_facts(case: Case, until: int) -> RangeFacts:
             early.append(error < -EARLY_M - most)
             behind.append(error > EARLY_M + most)
     every = np.concatenate(errors) if errors else np.zeros(0)
-    first = next(iter(case.beams_at(0)), "")
-    arrived = [
-        first in {one.sensor for one in moment.sweeps}
-        for moment in case.moments[max(until + 1 - RECENT, 0) : until + 1]
-    ]
     return RangeFacts(
         lost=max(lost / max(expected, 1) - max(dropouts, default=0.0), 0.0),
         off=_share(off),
         early=max(_share(early) - _share(behind), 0.0),
         bias=float(np.median(every)) if len(every) else 0.0,
         blind=case.as_of(until).config.map.minimum_range,
-        withheld=1.0 - float(np.mean(arrived)),
     )
 
 

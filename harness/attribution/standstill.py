@@ -14,7 +14,7 @@ from wayproof.harness.attribution.case import Case
 from wayproof.harness.attribution.contact import BLIND
 from wayproof.harness.attribution.finding import Finding
 from wayproof.harness.attribution.floor_edge import HELD
-from wayproof.harness.attribution.ranges import RECENT
+from wayproof.harness.attribution.old_evidence import OLD_TESTS
 from wayproof.harness.attribution.standstill_facts import (
     StandstillFacts,
     standing_since,
@@ -118,16 +118,13 @@ def left_its_area(facts: StandstillFacts) -> str | None:
 
 
 def latency(facts: StandstillFacts) -> str | None:
-    """Decisions missed their deadline and were discarded, or sweeps did not arrive."""
+    """Decisions missed their deadline and were discarded."""
     if facts.discarded >= HALF:
         return (
             f"{facts.discarded:.0%} of the last {facts.window} decisions took longer than the "
             f"deadline of {facts.deadline * 1e3:.0f} ms (median {facts.delay * 1e3:.0f} ms) and "
             "were discarded"
         )
-    ranges = facts.ranges()
-    if ranges.withheld >= HALF:
-        return f"{ranges.withheld:.0%} of the last {RECENT} decisions were made without a new sweep"
     return None
 
 
@@ -376,6 +373,7 @@ def unexplained(facts: StandstillFacts) -> str:
 TESTS: tuple[tuple[str, Test], ...] = (
     ("plugin_failed", claimed_elsewhere),
     ("impossible", no_way),
+    *OLD_TESTS,
     ("impossible", no_time),
     ("plugin_failed", stack_late),
     ("latency", latency),

@@ -12,6 +12,7 @@ from wayproof.harness.attribution.case import Case, Moment, off_path, yaw_of
 from wayproof.harness.attribution.commanded import answer_s, commands_to, on_trial
 from wayproof.harness.attribution.contact_facts import LATE, UNDER_WAY
 from wayproof.harness.attribution.floor_edge import FloorEdge, floor_edge
+from wayproof.harness.attribution.old_evidence import OldFacts, old_facts
 from wayproof.harness.attribution.pose import PoseFacts, pose_facts
 from wayproof.harness.attribution.ranges import RangeFacts, range_facts, settings_of_sight
 from wayproof.harness.attribution.ways import NO_PATH, MapWays, TrueWays, map_ways, true_ways
@@ -75,6 +76,7 @@ class StandstillFacts:
         speed_fraction: `motion.speed_fraction`.
         max_slope: `costmap.max_slope`, rad.
         stuck_after: `episode.stuck_after`, s.
+        old: Measures what of the evidence was old.
     """
 
     outcome: str
@@ -115,6 +117,7 @@ class StandstillFacts:
     speed_fraction: float = 1.0
     max_slope: float = 0.0
     stuck_after: float = 30.0
+    old: Callable[[], OldFacts] = OldFacts
 
     @property
     def speed_in_words(self) -> str:
@@ -192,6 +195,7 @@ def standstill_facts(case: Case) -> StandstillFacts:
         truth=true_ways(case, navigator, numbers[0]),
         ranges=cache(lambda: range_facts(case, numbers[-1])),
         map=cache(lambda: map_ways(case, numbers[0])),
+        old=cache(lambda: old_facts(case, numbers[-1])),
     )
 
 

@@ -36,6 +36,7 @@ from wayproof.harness.counterfactual.verdict import (
 )
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import Log
+from wayproof.harness.perturbations.perturbation import LATE
 from wayproof.harness.replay.answers import restarted_stack
 
 BEFORE = 1.0
@@ -249,6 +250,9 @@ def _differs(remedy: str, case: Case) -> bool:
     """Return whether a remedy changes anything in a case."""
     if remedy == "no_movers":
         return any(moment.truth.movers for moment in case.moments[:1])
+    if remedy == "fresh_evidence":
+        perturbation = case.config.perturbation
+        return perturbation is not None and perturbation.changes in LATE
     if remedy in ("guard", "no_guard"):
         on_trial, guarded = case.config.stack.name != BUILTIN, case.config.stack.guard
         return on_trial and guarded == (remedy == "no_guard")

@@ -187,11 +187,16 @@ def perfect_tracking(log: Log, case: Case) -> Change:
     return Change(replace(log.config, behaviour=behaviour), scenario=carried)
 
 
+def fresh_evidence(log: Log, case: Case) -> Change:
+    """Let every sweep and every pose arrive when it is sent, with its own stamp."""
+    return Change(_unperturbed(log.config, "arrivals", "pose_arrivals"))
+
+
 def no_delay(log: Log, case: Case) -> Change:
-    """Remove delays, and let every sweep arrive."""
+    """Remove delays."""
     deadline = log.config.latency.deadline
     latency = LatencyConfig(sense=0.0, map=0.0, plan=0.0, deadline=deadline)
-    config = _unperturbed(replace(log.config, latency=latency), "delay", "arrivals")
+    config = _unperturbed(replace(log.config, latency=latency), "delay")
     return Change(config, at_once=True)
 
 
@@ -235,6 +240,7 @@ REMEDIES: dict[str, tuple[Remedy, tuple[str, ...]]] = {
     "larger_margin": (larger_margin, ("margin_too_small",)),
     "no_movers": (no_movers, ("moved_obstacle",)),
     "perfect_tracking": (perfect_tracking, ("tracking",)),
+    "fresh_evidence": (fresh_evidence, ("frozen_evidence", "stale_evidence")),
     "no_delay": (no_delay, ("latency", "plugin_failed")),
     "more_search": (more_search, ("planner",)),
     "no_margin": (no_margin, ("impossible",)),
@@ -246,7 +252,7 @@ REMEDIES: dict[str, tuple[Remedy, tuple[str, ...]]] = {
 
 ON_TRIAL = (
     "guard", "no_guard", "true_pose", "true_ranges", "no_movers", "perfect_tracking", "no_delay",
-    "more_time",
+    "fresh_evidence", "more_time",
 )  # fmt: skip
 """Remedies that change something for a stack on trial: the referee's map is no input of it."""
 
