@@ -7,7 +7,9 @@ import pytest
 
 from tests.ros2.conftest import EXAMPLES, HERE, PYTHON, started
 from wayproof.harness.errors import InputError
+from wayproof.harness.log.reader import open_log
 from wayproof.harness.replay.replay import replay
+from wayproof.harness.trace import read_trace
 
 
 def test_both_examples_cross_an_office_and_at_either_pace_the_chain_is_the_same(trial):
@@ -67,6 +69,18 @@ def test_commands_that_cannot_be_heard_are_refused_before_the_episode(trial, kin
         trial("pace=lockstep", "episode.time_limit=1")
     assert line in str(error.value)
     assert "\n" not in str(error.value)
+
+
+def test_a_node_that_ignores_stamps_is_stale_and_one_that_heeds_them_is_not(trial):
+    stopped = 'perturbation={"kind": "sensor_stop", "severity": 3, "window": [3.0, 5.0]}'
+    verdicts = {}
+    for kind in ("ignores", "heeds"):
+        with started(HERE / "node.py", kind):
+            result = trial("pace=controller", "episode.time_limit=5", stopped, name=kind)
+        assert result.outcome == "timeout"
+        verdicts[kind] = read_trace(open_log(Path(result.log))).verdicts
+    assert set(verdicts["ignores"][:30]) == set(verdicts["heeds"]) == {"admitted"}
+    assert verdicts["ignores"].count("stale") >= 10
 
 
 def test_the_parameters_for_nav2_are_read_by_ros():

@@ -6,6 +6,7 @@ fails, undoing that one thing makes the failure go away.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -44,6 +45,8 @@ RESIGNED = ("behaviour.max_recoveries=1",)
 
 UNFITTED = ("map.filters=false_returns,lost_patches,lost_echoes,grazing",)
 """The floor as each beam has it: a fitted one bears most of these faults."""
+
+BRIEF = ("episode.time_limit=20",)
 
 SHORT = ("planner.clearance_weight=0",)
 """Settings for the shortest paths, which pass close to obstacles."""
@@ -102,6 +105,17 @@ def _set(name: str, low: float, high: float, digits: int = 3) -> Break:
 def _perturb(kind: str, low: float, settings: tuple[str, ...] = (), mode: str = "") -> Break:
     """Return a perturbation of a drawn severity up to 5."""
     return lambda sound, rng: Broken(settings, f"{kind}:{rng.uniform(low, 5.0):.2f}{mode}")
+
+
+def _fault(kind: str, **mode: str) -> Break:
+    """Return a perturbation of a stream at its greatest severity, from a drawn time on."""
+
+    def fault(sound: Scenario, rng: Rng) -> Broken:
+        window = [round(rng.uniform(0.8, 2.0), 1), 100.0]
+        document = {"kind": kind, "severity": 5, "window": window, **mode}
+        return Broken((f"perturbation={json.dumps(document)}",))
+
+    return fault
 
 
 def _dropout(sound: Scenario, rng: Rng) -> Broken:
@@ -385,6 +399,12 @@ KINDS = {
     "bulky": Kind("margin_too_small", _bulky, NARROW, SHORT),
     "strict": Kind("tracking", _set("behaviour.tracking_tolerance", 0.01, 0.04)),
     "overrated": Kind("tracking", _overrated),
+    "stopped": Kind("stale_evidence", _fault("sensor_stop"), OPEN, BRIEF),
+    "frozen": Kind("frozen_evidence", _fault("sensor_freeze"), OPEN, BRIEF),
+    "pose_stopped": Kind("stale_evidence", _fault("pose_stop"), OPEN, BRIEF),
+    "pose_frozen": Kind("frozen_evidence", _fault("pose_freeze"), OPEN, BRIEF),
+    "skewed": Kind("frozen_evidence", _fault("clock_skew", stream="pose"), OPEN, BRIEF),
+    "stalled": Kind("latency", _fault("stack_stall"), OPEN, BRIEF),
     "late": Kind("latency", _always(perturbation="latency:5")),
     "planning": Kind("latency", _set("latency.plan", 0.25, 0.6)),
     "hasty_search": Kind("planner", _always(settings=HASTY), BENDS, ("planner.name=rrtconnect",)),
