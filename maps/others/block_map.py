@@ -13,6 +13,7 @@ from wayproof.maps.columns import Window, region_of_interest
 from wayproof.maps.config import MapConfig
 from wayproof.maps.grid import cells_at
 from wayproof.maps.kernels import decay, update
+from wayproof.maps.kernels.blocks import FadedBlocks, fade_blocks
 from wayproof.maps.representation import Representation, refuse_unsupported
 from wayproof.maps.slot_pool import EVERYWHERE, MEBIBYTE, Layer, SlotPool
 from wayproof.maps.states import FREE, OCCUPIED, STATE_NAMES
@@ -168,8 +169,8 @@ class BlockMap(Representation):
         blocks, live = self._blocks, self._blocks.live()
         evidence, fresh = blocks.layers[self.evidence], blocks.layers["fresh"]
         changed, forgotten, alive = (np.zeros(len(live), np.bool_) for _ in range(3))
-        faded = blocks.FadedBlocks(changed, forgotten, alive)
-        blocks.fade_blocks(live, rest, spared, evidence, fresh, faded)
+        faded = FadedBlocks(changed, forgotten, alive)
+        fade_blocks(live, rest, spared, evidence, fresh, faded)
         self._stamp += 1
         blocks.dirty[live[changed]] = True
         blocks.stamps[live[forgotten]] = self._stamp
