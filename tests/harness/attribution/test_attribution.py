@@ -20,7 +20,7 @@ def test_every_cause_has_a_test_of_facts_and_a_planted_fault():
     tested = {name for name, _ in (*contacts.TESTS, *standstills.TESTS)}
     on_trial = {"plugin_failed", "stack_held", "exploration"}
     assert tested == set(CAUSES)
-    assert len(CAUSES) == 16
+    assert len(CAUSES) == 18
     assert tested - on_trial == {*FAULTS, "unexplained"}
 
 

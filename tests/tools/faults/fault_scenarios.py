@@ -197,6 +197,17 @@ def _localization(rng: np.random.Generator) -> Fault:
     return Fault(settings=(f"perturbation={jump}",))
 
 
+def _old_evidence(kind: str) -> Callable[[np.random.Generator], Fault]:
+    """Return a fault that stops or repeats a stream under way, for the rest of the episode."""
+
+    def fault(rng: np.random.Generator) -> Fault:
+        begin = round(rng.uniform(0.3, 0.8), 1)
+        stopped = f'{{"kind": "{kind}", "severity": 5, "window": [{begin}, 100]}}'
+        return Fault(settings=(f"perturbation={stopped}",))
+
+    return fault
+
+
 def _perception(rng: np.random.Generator) -> Fault:
     """Put up a partition with a door, before a map with a large minimum range."""
     x, door = rng.uniform(3.5, 4.5), 1.6
@@ -221,6 +232,8 @@ FAULTS: dict[str, Callable[[np.random.Generator], Fault]] = {
     "unseen_obstacle": _unseen_obstacle,
     "localization": _localization,
     "perception": _perception,
+    "frozen_evidence": _old_evidence("pose_freeze"),
+    "stale_evidence": _old_evidence("sensor_stop"),
     "disregarded_obstacle": _disregarded_obstacle,
 }
 """Fault by cause, all but `unexplained`; the index is part of the seed, so append new ones."""
