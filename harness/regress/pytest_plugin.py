@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 if TYPE_CHECKING:
-    from wayproof.harness.study.study import StudyResult
+    from wayproof.harness.study.result import StudyResult
 
 KEPT = ".wayproof"
 """Folder with the logs, beside a study file."""
