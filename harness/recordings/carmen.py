@@ -132,10 +132,8 @@ def open_log(path: Path, options: RecordingOptions) -> Recording:
         index = found.setdefault(scan.kind, _Index())
         index.add(scan)
         if len(index.stamps) > MOST_SCANS or len(scan.ranges) > MOST_BEAMS:
-            raise InputError(
-                f"recording '{path}': more than {MOST_SCANS} scans or {MOST_BEAMS} beams"
-            )
-    kind = _chosen(path, found, options)
+            raise InputError(f"more than {MOST_SCANS} scans or {MOST_BEAMS} beams")
+    kind = _chosen(found, options)
     index = found[kind]
     # The logger's times are taken where those of the measurement do not advance.
     clocks = np.array(index.stamps, np.int64), np.array(index.logged, np.int64)
@@ -155,16 +153,16 @@ def open_log(path: Path, options: RecordingOptions) -> Recording:
     return recording_of(path, "carmen", [path], [stream], poses, source, options, faults, said)
 
 
-def _chosen(path: Path, found: Mapping[str, _Index], options: RecordingOptions) -> str:
+def _chosen(found: Mapping[str, _Index], options: RecordingOptions) -> str:
     if not found:
-        raise InputError(f"recording '{path}': no scan in it, expected {', '.join(MESSAGES)}")
+        raise InputError(f"no scan in it, expected {', '.join(MESSAGES)}")
     if len(options.sensors) > 1:
-        raise InputError(f"recording '{path}': got {len(options.sensors)} lasers, expected one")
+        raise InputError(f"got {len(options.sensors)} lasers, expected one")
     if options.sensors and options.sensors[0] not in found:
         raise unknown_name("laser of the recording", options.sensors[0], found)
     if not options.sensors and len(found) > 1:
         listed = ", ".join(f"{kind} ({len(one.stamps)})" for kind, one in found.items())
-        raise InputError(f"recording '{path}': several lasers, choose one: {listed}")
+        raise InputError(f"several lasers, choose one: {listed}")
     return options.sensors[0] if options.sensors else next(iter(found))
 
 
@@ -260,12 +258,12 @@ def _lines(path: Path) -> Iterator[str]:
             while line := file.readline(LONGEST_LINE):
                 size += len(line)
                 if len(line) == LONGEST_LINE:
-                    raise InputError(f"recording '{path}': a line of over {LONGEST_LINE} bytes")
+                    raise InputError(f"a line of over {LONGEST_LINE} bytes")
                 if size > most:
-                    raise InputError(f"recording '{path}': unpacks to over {most} bytes")
+                    raise InputError(f"unpacks to over {most} bytes")
                 yield line.decode("utf-8", "replace")
     except (OSError, EOFError) as error:
-        raise InputError(f"recording '{path}': cannot be read ({error})") from None
+        raise InputError(f"cannot be read ({error})") from None
 
 
 def _scans_of(path: Path, kind: str) -> Iterator[Scan]:

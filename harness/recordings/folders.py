@@ -70,11 +70,9 @@ def open_folder(path: Path, found: Folder, options: RecordingOptions, faults: Fa
     """
     if not 0 < len(found.files) <= MOST_SWEEPS:
         said = "no sweep in it" if not found.files else f"more than {MOST_SWEEPS} sweeps"
-        raise InputError(f"recording '{path}': {said}")
+        raise InputError(said)
     if options.sensors not in ((), (found.sensor,)):
-        raise InputError(
-            f"recording '{path}': no sensor '{options.sensors[0]}', there is '{found.sensor}'"
-        )
+        raise InputError(f"no sensor '{options.sensors[0]}', there is '{found.sensor}'")
     poses, mount, source = found.poses, found.mount, found.source
     if (T_body_sensor := options.T_body_sensor) is not None:
         poses = of_body(poses, T_body_sensor, turn_world=False)
@@ -118,14 +116,14 @@ def rows(path: Path, most: int = MOST_BYTES) -> Iterator[list[str]]:
     """
     try:
         if path.stat().st_size > most:
-            raise InputError(f"recording '{path}': over {most} bytes")
+            raise InputError(f"{path.name}: over {most} bytes")
         with path.open(encoding="utf-8", errors="replace") as file:
             for line in file:
                 words = line.partition("#")[0].split()
                 if words:
                     yield words
     except OSError as error:
-        raise InputError(f"recording '{path}': {error.strerror}") from None
+        raise InputError(f"{path.name}: {error.strerror}") from None
 
 
 def nanoseconds(word: str) -> int:

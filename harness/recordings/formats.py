@@ -100,4 +100,9 @@ def _opened(path: Path, name: str, options: RecordingOptions) -> Recording:
     for option in own.without:
         if option in options.changed():
             raise InputError(f"recording '{path}': {option} has no meaning for format '{name}'")
-    return own.open(path, options)
+    try:
+        return own.open(path, options)
+    except InputError as error:
+        if str(path) in str(error):
+            raise
+        raise InputError(f"recording '{path}': {error}") from None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -73,7 +72,7 @@ def sound(poses: StampedPoses, faults: Faults, what: str = "pose") -> StampedPos
 
 
 def track_of(
-    path: Path, poses: StampedPoses, source: str, options: RecordingOptions, faults: Faults
+    poses: StampedPoses, source: str, options: RecordingOptions, faults: Faults
 ) -> tuple[RecordedTrack, int]:
     """Make a track of poses, and return it with the stamp of its first, ns.
 
@@ -82,12 +81,10 @@ def track_of(
     """
     good = sound(poses, faults)
     if len(good.stamps_ns) == 0:
-        raise InputError(
-            f"recording '{path}': no pose of {len(poses.stamps_ns)} from {source} can be used"
-        )
+        raise InputError(f"no pose of {len(poses.stamps_ns)} from {source} can be used")
     start = int(good.stamps_ns[0])
     if int(good.stamps_ns[-1]) - start >= 2**62:
-        raise InputError(f"recording '{path}': stamps of {source} span over 100 years")
+        raise InputError(f"stamps of {source} span over 100 years")
     max_gap_ns = round(options.max_gap * 1e9)
     times = good.stamps_ns - start
     faults[f"pose: gap of more than {options.max_gap:g} s"] += int(

@@ -217,7 +217,7 @@ def recording_of(
     Raises:
         InputError: No pose is sound.
     """
-    track, start = track_of(path, poses, source, options, faults)
+    track, start = track_of(poses, source, options, faults)
     named = chosen or ", ".join(stream.sensor.name for stream in streams)
     return Recording(
         name=path.resolve().name,

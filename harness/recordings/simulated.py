@@ -45,7 +45,7 @@ def open_episode(path: Path, options: RecordingOptions) -> Recording:
     log, faults = open_log(path), Counter[str]()
     log.check_sweeps()
     if log.config.recording is not None:
-        raise InputError(f"recording '{path}': the log of a recording, expected the recording")
+        raise InputError("the log of a recording, expected the recording")
     for name in options.sensors:
         if name not in log.beams:
             raise unknown_name("sensor of the recording", name, log.beams)

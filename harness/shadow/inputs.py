@@ -55,8 +55,9 @@ class InputWriter:
 
     def write(self, batch: Batch, sequence: int) -> Given:
         """Write the inputs of the next decision."""
+        self._perturbation.begin(batch.time_ns)
         motion = self._motion(batch.time_ns, sequence)
-        sweeps = self._perturbation.sweeps(self._sweeps(batch, sequence), batch.time_ns, sequence)
+        sweeps = self._perturbation.changed(self._sweeps(batch, sequence), sequence)
         pose = self._pose(sweeps, motion, batch.time_ns, sequence)
         goal = pb.Goal(sequence=sequence, position=self._prepared.way.goal(batch.time_ns).tolist())
         goal.timestamp.FromNanoseconds(batch.time_ns)
@@ -118,8 +119,7 @@ class InputWriter:
             message.history_period_s = trail.period
         if self._odometry is not None:
             self._odometry.estimate(sweeps, message, time_ns)
-        self._perturbation.pose(message, motion, time_ns)
-        return message
+        return self._perturbation.estimate(message, motion)
 
     def _trail(self, time_ns: int, age_ns: int, step_ns: int) -> Trail:
         """Select poses up to a time, from at least an age before it, so far apart if possible."""

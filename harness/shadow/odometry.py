@@ -18,8 +18,8 @@ from wayproof.harness.input_messages import beams_from_info, decode_ranges
 from wayproof.harness.inputs import Pose, SweepInput
 from wayproof.harness.listed_beams import read_list
 from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.shadow.perturb import move
 from wayproof.harness.shadow.prepare import Prepared
-from wayproof.models.pose_model import estimated_trail
 from wayproof.models.poses import Trail
 
 Array = NDArray[np.float64]
@@ -94,41 +94,33 @@ class RecordedOdometry:
         inputs = [
             SweepInput(one.sensor, decode_ranges(one), None, read_list(one)) for one in sweeps
         ]
-        believed = self._believed(message)
+        recorded = pb.Pose()
+        recorded.CopyFrom(message)
+        move(message, self._lidar.error)
         walls = not self._only_planar  # one point for each beam, where there is no other lidar
-        self._lidar.correct(self._points(inputs, believed, message.sequence, walls))
-        believed = self._believed(message)
-        _put_poses(message, believed)
+        self._lidar.correct(self._points(inputs, message, walls))
+        message.CopyFrom(recorded)
+        move(message, self._lidar.error)
         put_estimate(message, self._lidar)
         covariance = np.array(message.covariance).reshape(4, 4)
-        points = self._points(inputs, believed, message.sequence, walls=True)
-        self._lidar.add_to_map(points, believed.position, covariance)
+        points = self._points(inputs, message, walls=True)
+        self._lidar.add_to_map(points, np.array(message.position), covariance)
 
-    def _believed(self, message: pb.Pose) -> Pose:
-        """Return the recorded pose and trail, moved by the error of the present estimate."""
-        assert self._lidar is not None
-        error = self._lidar.error
-        now = Trail(np.array([message.position]), np.array([message.quaternion]), 1.0)
-        last = estimated_trail(now, [error])
-        trail = None
-        if message.history_period_s:
-            positions = np.array(message.history_positions).reshape(-1, 3)
-            quaternions = np.array(message.history_quaternions).reshape(-1, 4)
-            recorded = Trail(positions, quaternions, message.history_period_s)
-            trail = estimated_trail(recorded, [error] * len(positions))
-        return Pose(last.positions[0], last.quaternions[0], 0.0, trail)
-
-    def _points(
-        self, sweeps: Sequence[SweepInput], pose: Pose, sequence: int, walls: bool
-    ) -> Array:
+    def _points(self, sweeps: Sequence[SweepInput], message: pb.Pose, walls: bool) -> Array:
         """Place returns (n, 3), world, m; of planar lasers at the middle of a voxel's height.
 
         Args:
             sweeps: Sweeps of a decision.
-            pose: Pose at which they are placed.
-            sequence: Number of the decision.
+            message: Pose at which they are placed.
             walls: Whether each return of a planar laser is put above and below that height.
         """
+        trail = None
+        if message.history_period_s:
+            positions = np.array(message.history_positions).reshape(-1, 3)
+            quaternions = np.array(message.history_quaternions).reshape(-1, 4)
+            trail = Trail(positions, quaternions, message.history_period_s)
+        pose = Pose(np.array(message.position), np.array(message.quaternion), 0.0, trail)
+        sequence = message.sequence
         placed = [np.zeros((0, 3))]
         for sweep in sweeps:
             points = self._beams[sweep.sensor].place(sweep, pose, sequence).points
@@ -143,15 +135,3 @@ class RecordedOdometry:
         middle = np.floor(levelled[:, 2] / voxel + 0.5) * voxel
         levelled[:, 2] = middle + voxel * np.tile(heights, len(points))
         return levelled
-
-
-def _put_poses(message: pb.Pose, pose: Pose) -> None:
-    """Write an estimate and its trail in the place of the recorded ones."""
-    del message.position[:], message.quaternion[:]
-    message.position.extend(pose.position.tolist())
-    message.quaternion.extend(pose.quaternion.tolist())
-    if pose.trail is None:
-        return
-    del message.history_positions[:], message.history_quaternions[:]
-    message.history_positions.extend(pose.trail.positions.ravel().tolist())
-    message.history_quaternions.extend(pose.trail.quaternions.ravel().tolist())

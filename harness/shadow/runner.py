@@ -131,7 +131,7 @@ class ShadowRun:
     def _latency(self, decision: pb.Decision, time_ns: int) -> pb.Latency:
         config = self._prepared.config.latency
         message = pb.Latency(sequence=decision.sequence, mode="modelled", delay_s=config.expected)
-        message.delay_s += self._perturbation.delay(time_ns)
+        message.delay_s += self._perturbation.delay
         message.timestamp.FromNanoseconds(time_ns)
         return message
 
@@ -154,7 +154,9 @@ class ShadowRun:
         self._log.write(topic_of(motion), motion, time_ns)
         self._log.write("/decision", decision, time_ns)
         self._log.write("/streams", self._streams.message(sequence, time_ns), time_ns)
-        if (done := self._perturbation.message(sequence, time_ns)) is not None:
+        if (
+            done := self._perturbation.message(sequence, time_ns, self._perturbation.added)
+        ) is not None:
             self._log.write(topic_of(done), done, time_ns)
         self.decisions.append(decision)
         self.motions.append(motion)

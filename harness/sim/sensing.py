@@ -38,7 +38,7 @@ class Sensors:
         self._simulation.place_geometry()
         began = time.perf_counter()
         trail, estimate = self._simulation.trail(), self._simulation.estimate
-        self._injector.begin(sequence)
+        self._injector.begin_decision(sequence)
         sent = [self._sweep(one, trail, sequence, time_ns) for one in self._scene.casters]
         sweeps = self._injector.sweeps(sent)
         sense_ms = (time.perf_counter() - began) * 1e3

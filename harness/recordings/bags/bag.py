@@ -64,22 +64,20 @@ def open_bag(path: Path, options: RecordingOptions) -> Recording:
     faults: Faults = Counter()
     files = files_of(path)
     if not files or container_of(files[0]) is None:
-        raise InputError(
-            f"recording '{path}': not a bag of ROS 1 (.bag), ROS 2 (.mcap, .db3) or PX4 (.ulg)"
-        )
+        raise InputError("not a bag of ROS 1 (.bag), ROS 2 (.mcap, .db3) or PX4 (.ulg)")
     found = survey(files, faults)
-    names = choose_sensors(path, found, options)
+    names = choose_sensors(found, options)
     names.sort(key=lambda name: order_in_task(name, found))
-    found, runs = choose_run(path, found, names, faults)
-    found.tree = tree_for(path, found.links, names, faults, options.pose)
-    topics = [_topic(path, name, found, options) for name in names]
-    motion = choose_motion(path, found, topics, options)
+    found, runs = choose_run(found, names, faults)
+    found.tree = tree_for(found.links, names, faults, options.pose)
+    topics = [_topic(name, found, options) for name in names]
+    motion = choose_motion(found, topics, options)
     poses, task = motion.poses, found.task
     if task is not None:  # before its start a node was waited for
         poses = poses.at(poses.stamps_ns >= task.start_ns)
     streams = []
     for name, topic in zip(names, topics, strict=True):
-        mount = choose_mount(path, found, motion.body, topic, options)
+        mount = choose_mount(found, motion.body, topic, options)
         streams.append(_stream(files, name, topic, found, mount, options))
         stamps = found.sensors[name].series.stamps
         faults[STAMPLESS] += 0 if any(stamps) else len(stamps)
@@ -191,18 +189,18 @@ def _in_words(name: str, topic: Topic) -> str:
     return f"{name} ({topic.kind}{f', time {topic.time.text}' if topic.time else ''})"
 
 
-def _topic(path: Path, name: str, found: Survey, options: RecordingOptions) -> Topic:
+def _topic(name: str, found: Survey, options: RecordingOptions) -> Topic:
     index, info = found.sensors[name], declared(name, found)
     assert index.first is not None
     if info is not None:
         return measured_by(info)
     is_image = index.first.type == IMAGE
-    cameras = choose_cameras(path, topic_of(name), found, options) if is_image else ()
+    cameras = choose_cameras(topic_of(name), found, options) if is_image else ()
     limits = found.limits.get(topic_of(name) + LIMITS, (0.0, np.inf))
     try:
         topic = first_of(index.first, cameras, limits, index.period_ns)
     except Broken as error:
-        raise InputError(f"recording '{path}': '{name}' cannot be read ({error})") from None
+        raise InputError(f"'{name}' cannot be read ({error})") from None
     if index.maxima:
         varies = len(index.maxima) > 3  # so it is the greatest reading
         topic = topic._replace(range_max=max(index.maxima), maximum_varies=varies)

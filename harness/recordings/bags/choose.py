@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -56,7 +55,7 @@ class Motion(NamedTuple):
     world: str
 
 
-def choose_sensors(path: Path, found: Survey, options: RecordingOptions) -> list[str]:
+def choose_sensors(found: Survey, options: RecordingOptions) -> list[str]:
     """Return the topics of the sensors.
 
     Raises:
@@ -69,7 +68,7 @@ def choose_sensors(path: Path, found: Survey, options: RecordingOptions) -> list
     if not main:
         others = ", ".join(f"{name} ({type_})" for name, type_ in sorted(found.others.items())[:20])
         raise InputError(
-            f"recording '{path}': no LaserScan, PointCloud2, depth Image, CustomMsg, VelodyneScan"
+            f"no LaserScan, PointCloud2, depth Image, CustomMsg, VelodyneScan"
             f" or DistanceSensor that can be read (topics: {others or 'none'}){found.lost}"
         )
     for name, given in zip(named, options.sensors, strict=True):
@@ -79,7 +78,7 @@ def choose_sensors(path: Path, found: Survey, options: RecordingOptions) -> list
         return sorted({measured_topic(name, found) for name in named})
     if len(main) > 1:
         listed = ", ".join(_described(name, one) for name, one in sorted(main.items()))
-        raise InputError(f"recording '{path}': several sensors, choose: {listed}")
+        raise InputError(f"several sensors, choose: {listed}")
     return [measured_topic(name, found) for name in main]
 
 
@@ -124,7 +123,7 @@ def _described(name: str, topic: SensorTopic) -> str:
 
 
 def choose_cameras(
-    path: Path, topic: str, found: Survey, options: RecordingOptions
+    topic: str, found: Survey, options: RecordingOptions
 ) -> tuple[tuple[int, Camera], ...]:
     """Return the cameras of depth images, from stamps on, ns, in order.
 
@@ -140,16 +139,15 @@ def choose_cameras(
     if known is None and len(found.cameras) == 1:
         known = next(iter(found.cameras.values()))
     if known is not None:
-        made = {one: _of_image(path, topic, one) for _, one in known}
+        made = {one: _of_image(topic, one) for _, one in known}
         return tuple(sorted((stamp, made[one]) for stamp, one in known))
     listed = ", ".join(sorted(found.cameras)) or "none"
     raise InputError(
-        f"recording '{path}': no '{beside}' for '{topic}' (CameraInfo: {listed}),"
-        " expected intrinsics fx,fy,cx,cy"
+        f"no '{beside}' for '{topic}' (CameraInfo: {listed}), expected intrinsics fx,fy,cx,cy"
     )
 
 
-def _of_image(path: Path, topic: str, camera: Camera) -> Camera:
+def _of_image(topic: str, camera: Camera) -> Camera:
     """Return the camera of an image: a pinhole.
 
     Raises:
@@ -159,15 +157,13 @@ def _of_image(path: Path, topic: str, camera: Camera) -> Camera:
         return camera._replace(intrinsics=camera.rectified or camera.intrinsics, distorted=False)
     if camera.distorted:
         raise InputError(
-            f"recording '{path}': the lens of '{topic}' distorts (D of its CameraInfo), expected"
+            f"the lens of '{topic}' distorts (D of its CameraInfo), expected"
             " rectified images (image_rect), or intrinsics fx,fy,cx,cy to take it for a pinhole"
         )
     return camera
 
 
-def choose_motion(
-    path: Path, found: Survey, topics: Sequence[Topic], options: RecordingOptions
-) -> Motion:
+def choose_motion(found: Survey, topics: Sequence[Topic], options: RecordingOptions) -> Motion:
     """Return the poses of the body: from the transforms, else from the only topic of poses.
 
     Raises:
@@ -188,30 +184,28 @@ def choose_motion(
     for edge in chain:
         if edge.child in found.tree.rivals:
             listed = ", ".join(f"frame {name}" for name in found.tree.rivals[edge.child])
-            raise InputError(f"recording '{path}': poses from several sources, choose: {listed}")
+            raise InputError(f"poses from several sources, choose: {listed}")
     if chain:
         rivals = [name for name, one in found.poses.items() if _is_rival(one, chain)]
         if not rivals:
             return _from_frames(found, chain[0].parent, body)
         listed = ", ".join([f"frame {chain[0].parent}", *(f"topic {name}" for name in rivals)])
-        raise InputError(f"recording '{path}': poses from several sources, choose: {listed}")
+        raise InputError(f"poses from several sources, choose: {listed}")
     names = [name for name, one in found.poses.items() if one.type in (ODOMETRY, px4.ODOMETRY)]
     names = names or [name for name, one in found.poses.items() if _may_be_body(name, one)]
     if len(names) == 1:
         return _from_topic(found, names[0], frame, options)
     if names:
         listed = ", ".join(sorted(names))
-        raise InputError(f"recording '{path}': several topics of poses, choose: {listed}")
+        raise InputError(f"several topics of poses, choose: {listed}")
     raise InputError(
-        f"recording '{path}': no poses: no transform moves above '{body}' (frames: "
+        f"no poses: no transform moves above '{body}' (frames: "
         f"{found.tree.listed}),"
         f" and there is no Odometry, PoseStamped or VehicleOdometry{found.lost}"
     )
 
 
-def choose_mount(
-    path: Path, found: Survey, body: str, topic: Topic, options: RecordingOptions
-) -> FramePath:
+def choose_mount(found: Survey, body: str, topic: Topic, options: RecordingOptions) -> FramePath:
     """Return how a sensor's frame is mounted on the body.
 
     Raises:
@@ -223,19 +217,19 @@ def choose_mount(
         return FramePath((), (Edge(body, topic.frame, mount, None),))
     if _moves_in(found, body, topic.frame):
         raise InputError(
-            f"recording '{path}': got sweeps in frame '{topic.frame}', in which '{body}' moves,"
+            f"got sweeps in frame '{topic.frame}', in which '{body}' moves,"
             " expected a frame on the body: clouds registered in a world are no sweeps"
         )
     between = found.tree.between(body, topic.frame)
     for edge in () if between is None else (*between.up, *between.down):
         if edge.child in found.tree.rivals:
             raise InputError(
-                f"recording '{path}': frame '{edge.child}' has several parents:"
+                f"frame '{edge.child}' has several parents:"
                 f" {', '.join(found.tree.rivals[edge.child])}, expected a mount"
             )
     if between is None:
         raise InputError(
-            f"recording '{path}': no transform from '{body}' to '{topic.frame}' (frames: "
+            f"no transform from '{body}' to '{topic.frame}' (frames: "
             f"{found.tree.listed}),"
             " expected a mount"
         )

@@ -95,7 +95,7 @@ def messages_of(files: Sequence[Path], faults: Faults) -> Iterator[RawMessage]:
         for raw in read(path, faults) if read else ():
             left -= 1
             if left < 0:
-                raise InputError(f"recording '{path}': more messages than its size accounts for")
+                raise InputError("more messages than its size accounts for")
             try:
                 if raw.data[:4] == zstandard.FRAME_HEADER:  # `compression_mode: message`
                     raw = raw._replace(data=unpack("zstd", raw.data))
@@ -230,8 +230,7 @@ def _ulog(path: Path, faults: Faults) -> Iterator[RawMessage]:
         log = ULog(str(path))
     except Exception as error:  # it fails in many ways on bytes of no ULog
         raise InputError(
-            f"recording '{path}': cannot be read as ULog ({type(error).__name__}: "
-            f"{' '.join(str(error).split())[:100]})"
+            f"cannot be read as ULog ({type(error).__name__}: {' '.join(str(error).split())[:100]})"
         ) from None
     faults["bag: dropout while it was logged"] += len(log.dropouts)
     faults[DAMAGED] += bool(log.file_corruption)

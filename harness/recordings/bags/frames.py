@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from functools import reduce
 from itertools import takewhile
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -196,7 +195,6 @@ def along(
 
 
 def tree_for(
-    path: Path,
     links: Mapping[Link, Series],
     sensors: Sequence[str],
     faults: Faults,
@@ -209,7 +207,6 @@ def tree_for(
     robot's; of one around it, what it alone has.
 
     Args:
-        path: Path of the bag.
         links: Transforms.
         sensors: Topics of the sensors.
         faults: Counted up.
@@ -231,7 +228,7 @@ def tree_for(
         if nearest is None:
             named_too = {one.topic for one in links if namespace_of(one.topic) in rivals}
             raise InputError(
-                f"recording '{path}': several transforms from '{pair[0]}' to '{pair[1]}', expected"
+                f"several transforms from '{pair[0]}' to '{pair[1]}', expected"
                 f" one set in the namespace of {', '.join(sensors)}: {', '.join(sorted(named_too))}"
             )
         for name in rivals.keys() - {nearest}:

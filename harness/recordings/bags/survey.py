@@ -260,13 +260,10 @@ class _Walk:
                 links.setdefault(link, Series.of_poses()).add_pose(place, pose)
 
 
-def choose_run(
-    path: Path, found: Survey, names: Sequence[str], faults: Faults
-) -> tuple[Survey, str]:
+def choose_run(found: Survey, names: Sequence[str], faults: Faults) -> tuple[Survey, str]:
     """Return the run with the most sweeps of the sensors, and all of them in words.
 
     Args:
-        path: Path of the bag.
         found: What the first pass found.
         names: Sensors that are read.
         faults: Sweeps of other runs are counted.
@@ -289,7 +286,7 @@ def choose_run(
         inside = any(((one >= places[0]) & (one <= places[-1])).any() for one in moving)
         if len(places) > 1 and not inside:
             raise InputError(
-                f"recording '{path}': the clock was set back, and no pose lies between the sweeps "
+                f"the clock was set back, and no pose lies between the sweeps "
                 f"of '{name}' in the file, so it cannot be told which run they are of: split it "
                 "there"
             )

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import tomllib
-from typing import Literal
+from collections.abc import Mapping
+from typing import Any, Literal
 
 import msgspec
 
@@ -134,14 +135,18 @@ class SpecFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return tuple(Mount(s.name, s.name, DEVICES[s.device]) for s in self.sensors)
 
 
-def parse_spec(text: str) -> SpecFile:
+def parse_spec(text: str, unused: Mapping[str, Any] | None = None) -> SpecFile:
     """Read and check a spec file's text; the MJCF is not looked at.
+
+    Args:
+        text: TOML.
+        unused: Values of fields that it may leave out.
 
     Raises:
         RobotSpecError: Naming the field, what was got and what was expected.
     """
     try:
-        spec = msgspec.convert(parse_toml(text), SpecFile)
+        spec = msgspec.convert({**(unused or {}), **parse_toml(text)}, SpecFile)
     except tomllib.TOMLDecodeError as error:
         raise RobotSpecError(f"no TOML: {error}") from None
     except msgspec.ValidationError as error:
