@@ -67,7 +67,7 @@ PERTURBATIONS: dict[str, type[Perturbation]] = {
     str(one.__struct_config__.tag): one for one in get_args(AnyPerturbation)
 }
 
-NOT_MODES = ("severity", "window", "direction")
+NOT_MODES = ("severity", "window", "direction", "drift")
 """Fields that are no modes; all but the severity can only be set in a config."""
 
 __all__ = [

@@ -1,11 +1,17 @@
-"""Perturbation of stamps: a clock is ahead of the robot's by a constant time."""
+"""Perturbation of stamps: a clock is ahead of the robot's by a constant time, or ever more."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import ClassVar
 
-from wayproof.harness.perturbations.perturbation import Arrival, Changes, Lag, Perturbation
+from wayproof.harness.perturbations.perturbation import (
+    MOST_LAG,
+    Arrival,
+    Changes,
+    Lag,
+    Perturbation,
+)
 
 POSE = "pose"
 
@@ -15,9 +21,11 @@ class ClockSkew(Perturbation, frozen=True, tag="clock_skew"):
 
     Attributes:
         stream: Sensor whose clock is off, or `pose`; all sensors if none is named.
+        drift: Time by which it gains on the robot's in a second of simulated time, s, besides.
     """
 
     stream: str = ""
+    drift: float = 0.0
     changes: ClassVar[Changes] = "arrivals"
     measured_in: ClassVar[str] = "s"
     values: ClassVar[tuple[float, float, float, float, float]] = (0.1, 0.2, 0.3, 0.5, 1.0)
@@ -33,5 +41,6 @@ class ClockSkew(Perturbation, frozen=True, tag="clock_skew"):
         return self.stream == POSE
 
     def lag(self, arrival: Arrival) -> Lag:
-        """Return the number of messages in the amount, which come later than their stamps say."""
-        return round(self.amount * 1e9 / arrival.period_ns)
+        """Return the number of messages by which they come later than their stamps say."""
+        late_ns = self.amount * 1e9 + self.drift * arrival.time_ns
+        return min(max(round(late_ns / arrival.period_ns), 0), MOST_LAG)

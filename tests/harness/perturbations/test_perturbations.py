@@ -20,7 +20,7 @@ from wayproof.harness.errors import InputError
 from wayproof.harness.perturbations import PERTURBATIONS, Displacement, Report, perturbation_from
 from wayproof.harness.perturbations.delivery import Delivery
 from wayproof.harness.perturbations.outage import EARLIEST, LATEST
-from wayproof.harness.perturbations.perturbation import Arrival
+from wayproof.harness.perturbations.perturbation import MOST_LAG, Arrival
 from wayproof.harness.perturbations.pose_jump import jump_time_ns
 from wayproof.harness.scenario.scenario import build
 from wayproof.harness.schema import wayproof_pb2 as pb
@@ -384,6 +384,9 @@ def test_a_late_message_is_one_of_those_that_are_kept():
     arrival = Arrival("lidar", 5, 5 * 10**8, 10**8, 0)
     assert perturbation_from("clock_skew:5").lag_at(arrival) == 10
     assert perturbation_from("clock_skew:5:pose").affected(["lidar"]) == ()
+    drifting = replace_struct(perturbation_from("clock_skew:2"), drift=0.2)
+    assert [drifting.lag(arrival._replace(time_ns=k * 10**9)) for k in (0, 1, 5)] == [2, 4, 12]
+    assert drifting.lag(arrival._replace(time_ns=10**12)) == MOST_LAG
 
 
 def test_a_pose_error_is_confined_to_its_window_and_takes_the_direction_given():
