@@ -63,20 +63,13 @@ class FreeSpaceBuilder:
         self._costs_of: Array | None = None
         self._cost_by_distance = np.empty(0)
 
-    def circumscribed(self) -> FreeSpaces:
-        """Return free space for the disc about the body."""
-        return self._spaces(circumscribed=self._elongated)
-
-    def oriented(self) -> FreeSpaces:
-        """Return free space for the body's discs at its heading; of a round body its disc's."""
-        return self._spaces(circumscribed=False)
-
     def inflation_radius(self, space: FreeSpace) -> float:
         """Return the inflation radius of the footprint that a space is for, m."""
         return self._costmap.inflation_radius + (0.0 if space.discs else self._extra_radius)
 
-    def _spaces(self, circumscribed: bool) -> FreeSpaces:
-        costmap = self._costmap
+    def spaces(self, circumscribed: bool) -> FreeSpaces:
+        """Return free space for the disc about the body, or for its discs at its heading."""
+        costmap, circumscribed = self._costmap, circumscribed and self._elongated
         traversable = known_free = self._space(costmap.clearance, circumscribed)
         if costmap.config.unknown_policy != "forbid":
             traversable = self._space(costmap.field(), circumscribed)
@@ -195,7 +188,7 @@ class PlannerInputBuilder:
             goal=goal,
             config=self._config,
             gait=self._gait,
-            spaces=self._with_evidence(self._spaces.circumscribed(), circumscribed=True),
+            spaces=self._with_evidence(circumscribed=True),
             localization=localization_of(pose, self._mission.axes),
             range_sigma=self._mapper.range_sigma,
             pose_age_s=self._mapper.pose_age_ns * 1e-9,
@@ -205,11 +198,11 @@ class PlannerInputBuilder:
 
     def oriented(self, circumscribed: PlannerInput) -> PlannerInput:
         """Return the planner input for the oriented footprint."""
-        spaces = self._with_evidence(self._spaces.oriented(), circumscribed=False)
-        return replace(circumscribed, spaces=spaces)
+        return replace(circumscribed, spaces=self._with_evidence(circumscribed=False))
 
-    def _with_evidence(self, spaces: FreeSpaces, circumscribed: bool) -> FreeSpaces:
+    def _with_evidence(self, circumscribed: bool) -> FreeSpaces:
         """Return the spaces of a footprint with what was not measured, too."""
+        spaces = self._spaces.spaces(circumscribed)
         guide, measured = self._guide, self._mapper.stages[0].costmap
         guided = None if guide is None else guide.guided(measured, circumscribed)
         evidence = tuple(

@@ -47,7 +47,7 @@ def crates(mapper, seed):
 
 
 @pytest.mark.parametrize("robot", ROBOTS)
-def test_a_way_is_that_of_new_costs_to_go_whatever_came_before(robot):
+def test_a_way_is_that_of_a_new_search_whatever_came_before(robot):
     config, mission, mapper = mapper_of(robot)
     kept = FarWays(config, mission, mapper)
     goal = np.array(mission.goal)
@@ -73,7 +73,7 @@ def test_a_way_is_about_as_long_as_the_shortest_over_all_cells(robot):
     whole.costmap.update(config.costmap.localization_margin)
     space = (
         FreeSpaceBuilder(config, mission, whole.costmap, omnidirectional=True)
-        .circumscribed()
+        .spaces(circumscribed=True)
         .optimistic
     )
     space = replace(space, cost_by_distance=np.zeros_like(space.cost_by_distance))
@@ -122,7 +122,7 @@ print(sum(before.values()), *(n for n, k in kernels.items() if len(k.signatures)
 """
 
 
-def test_no_decision_compiles_what_finds_or_repairs_a_way():
+def test_no_decision_compiles_what_finds_a_way():
     done = subprocess.run(
         [sys.executable, "-c", FIRST_WAY], cwd=ROOT, capture_output=True, text=True, check=True
     )

@@ -118,7 +118,7 @@ def test_nearness_costs_a_robot_that_flies_half_and_the_unknown_as_much(robot, a
     scenario = build(Config("empty", robot, 0))
     costmap = Mapper(scenario.config, scenario.mission, {}).costmap
     builder = FreeSpaceBuilder(scenario.config, scenario.mission, costmap, omnidirectional=around)
-    spaces = builder.circumscribed()
+    spaces = builder.spaces(circumscribed=True)
     whole = costs(costmap, body_of(scenario.mission))
     np.testing.assert_array_equal(spaces.known_free.cost_by_distance, share * whole)
     assert spaces.optimistic.cost_by_price[UNKNOWN] == UNKNOWN_COST
