@@ -1,5 +1,4 @@
 from collections import Counter
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -74,4 +73,4 @@ def test_transforms_compose_and_invert():
 def test_no_sound_pose_is_refused_in_a_line():
     wrong = poses((0, [np.nan, 0, 0], UNTURNED))
     with pytest.raises(InputError, match="no pose of 1 from odom can be used"):
-        track_of(Path("x"), wrong, "odom", RecordingOptions(), Counter())
+        track_of(wrong, "odom", RecordingOptions(), Counter())
