@@ -114,6 +114,7 @@ def _from_file(path: Path) -> Body:
 def _refuse_unknown(document: dict[str, Any]) -> None:
     """Refuse a field that no spec file has, and name the nearest: it would be at its default."""
     from wayproof.models.robots.custom import spec_file
+    from wayproof.models.robots.custom.source import RobotSpecError
 
     kinds: dict[str, type[msgspec.Struct]] = {
         "limits": spec_file.Limits,
@@ -121,6 +122,7 @@ def _refuse_unknown(document: dict[str, Any]) -> None:
         "joints": spec_file.Joints,
         "rotor": spec_file.Rotor,
     }
+    tables: list[tuple[str, dict[str, Any], type[msgspec.Struct]]]
     tables = [("", document, spec_file.SpecFile)]
     for name, kind in kinds.items():
         parts = document.get(name)
@@ -131,4 +133,4 @@ def _refuse_unknown(document: dict[str, Any]) -> None:
         known = [prefix + field.name for field in msgspec.structs.fields(kind)]
         for key in table:
             if prefix + key not in known:
-                raise spec_file.RobotSpecError(str(unknown_name("field", prefix + key, known)))
+                raise RobotSpecError(str(unknown_name("field", prefix + key, known)))
