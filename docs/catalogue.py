@@ -25,9 +25,9 @@ from wayproof.harness.recording_config import SET_BY_RUN, RecordingConfig
 from wayproof.harness.scenario.robots import EXAMPLES
 from wayproof.harness.study.file import PACKAGED
 from wayproof.maps import MAPS
-from wayproof.models.places import PLACES
 from wayproof.models.robots import ROBOTS
 from wayproof.models.sensors.devices import DEVICES, Device
+from wayproof.models.world_parameters import PLACES
 from wayproof.models.worlds import WORLDS
 from wayproof.planners import STATE_SPACES
 from wayproof.planners.registry import PLANNERS
@@ -49,7 +49,9 @@ def catalogue() -> Catalogue:
     builtin = Entry(BUILTIN_STACK, source="harness/stack/pipeline.py")
     by_name = {
         "worlds": {name: Entry(description(make), _file(make)) for name, make in WORLDS.items()},
-        "places": {name: Entry(meaning, "models/places.py") for name, meaning in PLACES.items()},
+        "places": {
+            name: Entry(meaning, "models/world_parameters.py") for name, meaning in PLACES.items()
+        },
         "robots": {name: _documented(_package_of(one)) for name, one in ROBOTS.items()},
         "robot examples": {path.stem: _commented(path) for path in EXAMPLES.glob("*.toml")},
         "sensors": {name: _device(device) for name, device in DEVICES.items()},

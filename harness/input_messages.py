@@ -25,7 +25,7 @@ from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.maps.sweep import Ranges
 from wayproof.models.classes import CLASSES
 from wayproof.models.poses import Trail
-from wayproof.models.sensors import range_codec
+from wayproof.models.sensors import codecs
 from wayproof.models.sensors.beams import LONGEST_LISTED_RANGE, LONGEST_RANGE, BeamTable
 
 MAX_COORDINATE = 1e5
@@ -101,7 +101,7 @@ def decode_ranges(sweep: pb.Sweep) -> Ranges:  # (rows * columns,)
         raise InputError(f"sweep codec '{sweep.codec}', expected '{CODEC}' or '{WIDE_CODEC}'")
     if len(sweep.ranges) != 2 * count:
         raise InputError(f"sweep of {len(sweep.ranges)} bytes, expected {2 * count}")
-    return range_codec.decode(sweep.ranges, sweep.rows)
+    return codecs.decode_image(sweep.ranges, sweep.rows)
 
 
 def decode_classes(sweep: pb.Sweep) -> NDArray[np.uint8] | None:  # (rows * columns,)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from wayproof.harness.errors import InputError
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.models.poses import rotation_matrices
-from wayproof.models.sensors import list_codec, range_codec
+from wayproof.models.sensors import codecs
 from wayproof.models.sensors.beams import LONGEST_LISTED_RANGE, MAX_BEAMS, NO_RETURN
 
 CODEC = "u16-delta-planes"
@@ -61,13 +61,13 @@ def write_list(
 ) -> None:
     """Write beams into a sweep."""
     message.rows, message.columns = 1, len(ranges_mm)
-    message.directions = list_codec.encode_directions(directions)
+    message.directions = codecs.encode_directions(directions)
     wide = bool((ranges_mm > NO_RETURN).any())
     message.codec = WIDE_CODEC if wide else CODEC
     if wide:
-        message.ranges = list_codec.encode_ranges(ranges_mm)
+        message.ranges = codecs.encode_ranges(ranges_mm)
     else:
-        message.ranges = range_codec.encode(ranges_mm.astype(np.uint16), 1)
+        message.ranges = codecs.encode_image(ranges_mm.astype(np.uint16), 1)
     if ages_ns != (0,):
         message.ages_ns.extend(ages_ns)
     if poses is not None and len(ages_ns) > 1:
@@ -84,7 +84,7 @@ def read_list(message: pb.Sweep) -> ListedBeams | None:
         return None
     count = message.rows * message.columns
     try:
-        directions = list_codec.decode_directions(message.directions, count)
+        directions = codecs.decode_directions(message.directions, count)
     except ValueError as error:
         raise InputError(f"sweep: {error}") from None
     ages: NDArray[np.float64] = np.array(message.ages_ns or [0], np.float64) * 1e-9
@@ -109,7 +109,7 @@ def read_ranges(message: pb.Sweep) -> NDArray[np.uint32]:  # (rows * columns,)
         InputError: Not four bytes for each beam, or a range that is too long.
     """
     try:
-        ranges = list_codec.decode_ranges(message.ranges, message.rows * message.columns)
+        ranges = codecs.decode_ranges(message.ranges, message.rows * message.columns)
     except ValueError as error:
         raise InputError(f"sweep: ranges: {error}") from None
     if ranges.max() > LONGEST_MM:

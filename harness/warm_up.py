@@ -20,7 +20,7 @@ from wayproof.harness.scenario.robots import find_robot, warm_up_robot
 from wayproof.maps import echo_history, ground_fit, missing_floor, range_image
 from wayproof.models import rays, step_kernels, truth
 from wayproof.models.robots import ROBOTS
-from wayproof.models.sensors import measure, range_codec
+from wayproof.models.sensors import codecs, measure
 from wayproof.models.worlds import solvability
 
 
@@ -45,7 +45,7 @@ def compile_perception(config: Config) -> None:
     echo_history.warm_up()
     range_image.warm_up()
     measure.warm_up()
-    range_codec.warm_up()
+    codecs.warm_up()
     rays.warm_up()
     truth.warm_up()
     solvability.warm_up()

@@ -1,4 +1,4 @@
-"""Parameters of the generated worlds, with bounds and units.
+"""Parameters of the generated worlds, with bounds and units, and names of places in them.
 
 A parameter that is None is set by the difficulty or drawn from the seed, as its description says;
 one that is given takes no draw of others away, so a world changes in that alone. This file has no
@@ -93,3 +93,11 @@ class WorldParameters:
     def __post_init__(self) -> None:
         """Check every parameter."""
         check_fields(self, "world.")
+
+
+PLACES = {
+    "home": "the start",
+    "world": "the world's own goal",
+    "aisle": "an end, the middle and the other end of the world's aisle, the nearer end first",
+}
+"""Meaning of each name; `models.worlds.aisle` and `harness.scenario.places` give the points."""

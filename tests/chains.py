@@ -33,7 +33,7 @@ from tests.tools.world_splat import write_splat
 from wayproof.harness.cli.main import main as wayproof
 from wayproof.harness.config import Config
 from wayproof.harness.log.reader import open_log
-from wayproof.harness.prior.world_splat import splat_of_world
+from wayproof.harness.prior.of_world import splat_of_world
 from wayproof.harness.scenario.worlds import find_world
 from wayproof.maps import MAPS
 from wayproof.models.sensors.devices import DEVICES

@@ -12,7 +12,7 @@ from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.models.classes import CLASSES
 from wayproof.models.robots.robot import ROBOT_PREFIX
 from wayproof.models.sensors.caster import ROBOT_GROUP
-from wayproof.models.worlds.traffic import ABSENT_POSITION
+from wayproof.models.worlds.movers import ABSENT_POSITION
 
 Array = NDArray[np.float64]
 

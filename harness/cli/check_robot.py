@@ -14,7 +14,7 @@ from wayproof.harness.outputs import written_whole
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Check a spec file, or propose one for an MJCF, and print the findings."""
-    from wayproof.models.robots.custom.checking import check_spec
+    from wayproof.models.robots.custom.proposal import check_spec
 
     path: Path = options.file
     if not path.is_file():

@@ -94,7 +94,7 @@ def _check(result: Result, options: argparse.Namespace, console: Console) -> Doc
 
 def _goal(text: str) -> tuple[float, ...] | str:
     """Read `X,Y`, `X,Y,Z` or the name of a place."""
-    from wayproof.models.places import PLACES
+    from wayproof.models.world_parameters import PLACES
 
     if text in PLACES:
         return text

@@ -38,7 +38,7 @@ from wayproof.models.robots import Controller, Setpoint
 from wayproof.models.robots.robot import ROBOT_PREFIX
 from wayproof.models.sensors.caster import make_caster
 from wayproof.models.sensors.devices import Mount, RangeNoise
-from wayproof.models.worlds.traffic import MoverState, Traffic
+from wayproof.models.worlds.movers import MoverState, Traffic
 from wayproof.planners import PlannerConfig
 
 Array = NDArray[np.float64]

@@ -10,16 +10,14 @@ import math
 import numpy as np
 
 from wayproof.harness.estimator_config import EstimateConfig
-from wayproof.harness.estimators.kernels.symmetric import diagonalize
+from wayproof.harness.estimators import Kept
 from wayproof.harness.estimators.line_map import LineMap
-from wayproof.harness.estimators.matrices import projected
+from wayproof.harness.estimators.matrices import diagonalize, projected
 from wayproof.harness.estimators.motion_filter import MotionFilter
 from wayproof.harness.estimators.motion_sensors import Motion, MotionSource, turned_by
-from wayproof.harness.estimators.registration import Registration
 from wayproof.harness.estimators.slip import Slip
-from wayproof.harness.estimators.snapshot import Kept
 from wayproof.harness.estimators.stated_covariance import StatedCovariance
-from wayproof.harness.estimators.surface_map import SurfaceMap, thinned
+from wayproof.harness.estimators.surface_map import Registration, SurfaceMap, thinned
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.models.arrays import Array
 from wayproof.models.pose_model import ERROR_STEP, PoseError

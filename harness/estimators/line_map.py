@@ -19,21 +19,21 @@ import math
 
 import numpy as np
 
-from wayproof.harness.estimators.kernels.alignment import (
+from wayproof.harness.estimators.alignment import (
     LEAST_INLIERS,
     NEAR,
     align,
     count_on_planes,
 )
-from wayproof.harness.estimators.kernels.scan_search import score_of, search_start
-from wayproof.harness.estimators.kernels.voxels import FLATNESS
-from wayproof.harness.estimators.registration import Registration
+from wayproof.harness.estimators.scan_search import score_of, search_start
 from wayproof.harness.estimators.surface_map import (
     CHANCE,
     NO_PRIOR,
+    Registration,
     SurfaceMap,
     unregistered,
 )
+from wayproof.harness.estimators.voxels import FLATNESS
 from wayproof.models.arrays import Array
 
 LINE_POINTS = 16

@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from wayproof.harness.estimator_config import EstimateConfig
+from wayproof.harness.estimators import Kept
 from wayproof.harness.estimators.matrices import inverse, product
-from wayproof.harness.estimators.snapshot import Kept
 from wayproof.models.arrays import Array
 
 GYRO_CORRELATION_S = 10.0

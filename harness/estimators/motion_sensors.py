@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.estimator_config import EstimateConfig
-from wayproof.harness.estimators.snapshot import Kept
+from wayproof.harness.estimators import Kept
 from wayproof.harness.perturbations import UNPERTURBED, Perturbation
 from wayproof.harness.perturbations.inertial_bias import InertialBias
 from wayproof.models.arrays import Array

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from wayproof.harness.estimator_config import EstimateConfig
-from wayproof.harness.estimators.snapshot import Kept
+from wayproof.harness.estimators import Kept
 from wayproof.models.arrays import Array
 
 NEWS = 0.3

@@ -20,10 +20,10 @@ import math
 import numpy as np
 
 from wayproof.harness.estimator_config import EstimateConfig
-from wayproof.harness.estimators.kernels.alignment import FIXED
+from wayproof.harness.estimators import Kept
+from wayproof.harness.estimators.alignment import FIXED
 from wayproof.harness.estimators.matrices import inverse, projected
-from wayproof.harness.estimators.registration import Registration
-from wayproof.harness.estimators.snapshot import Kept
+from wayproof.harness.estimators.surface_map import Registration
 from wayproof.models.arrays import Array
 
 HEADING = 3

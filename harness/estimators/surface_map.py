@@ -3,26 +3,25 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
-from wayproof.harness.estimators.kernels.alignment import (
+from wayproof.harness.estimators.alignment import (
     LEAST_INLIERS,
     align,
     count_on_planes,
     examine,
 )
-from wayproof.harness.estimators.kernels.symmetric import diagonalize
-from wayproof.harness.estimators.kernels.thinning import spread_out
-from wayproof.harness.estimators.kernels.voxels import (
+from wayproof.harness.estimators.matrices import diagonalize, inverse
+from wayproof.harness.estimators.voxels import (
     EMPTY,
     LEAST_POINTS,
     Voxels,
     add_points,
     slot_of,
+    spread_out,
 )
-from wayproof.harness.estimators.matrices import inverse
-from wayproof.harness.estimators.registration import Registration
 from wayproof.models.arrays import Array
 
 SLOTS = 1 << 14
@@ -228,3 +227,33 @@ def warm_up() -> None:
     # A kernel that another one calls is not loaded with it for calls from Python.
     diagonalize(np.eye(3), np.empty((3, 3)))
     inverse(np.eye(3))
+
+
+@dataclass(frozen=True)
+class Registration:
+    """Registration of a sweep in the map.
+
+    Attributes:
+        correction: (4,) shift from the predicted position, m, and turn about the vertical, rad.
+        information: (3,) eigenvalues of the mean of n n' over the normals of the registered points;
+            they sum to 1, and all are 0 where too few were registered.
+        unheld: (k, 3) unit directions along which the scene does not hold the pose.
+        inliers: Number of registered points.
+        deviation: Standard deviation of their distances from the planes, by the median, m;
+            infinite without any.
+        moment: (4, 4) mean of g g' over these points, g the gradient of the distance by the pose:
+            x, y, z and heading.
+        scatter: (4, 4) mean of w^2 d^2 g g' over them by the square of the mean of w, m^2: d the
+            distance, w its weight.
+        anchors: (k, 4) share of the voxels that are by each sweep before, in what
+            was measured of x, y, z and the heading; each column sums to 1, or is 0.
+    """
+
+    correction: Array
+    information: Array
+    unheld: Array
+    inliers: int
+    deviation: float
+    moment: Array
+    scatter: Array
+    anchors: Array

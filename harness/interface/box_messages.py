@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from wayproof.harness.interface.message_values import triple, values_for
 from wayproof.harness.interface.observation_messages import window_at
-from wayproof.harness.prediction.map_box import MapBox
 from wayproof.harness.prediction.predicted_box import PredictionError
+from wayproof.harness.prediction.predictor import MapBox
 from wayproof.harness.schema import stack_pb2 as sb
 
 

@@ -34,8 +34,8 @@ from wayproof.harness.interface.remote import (
 )
 from wayproof.harness.interface.stacks import STACKS
 from wayproof.harness.interface.types import Observation, Stack, Task
-from wayproof.harness.prediction.map_box import ANY_SHAPE, BoxPredictor, MapBox, Shape
 from wayproof.harness.prediction.predicted_box import PredictionError, in_steps
+from wayproof.harness.prediction.predictor import ANY_SHAPE, BoxPredictor, MapBox, Shape
 from wayproof.harness.prediction_config import ONNX_FILE
 from wayproof.harness.schema import stack_pb2 as sb
 from wayproof.maps import Costmap

@@ -20,8 +20,8 @@ from wayproof.harness.interface.observation_messages import (
     task_message,
 )
 from wayproof.harness.interface.types import INTERFACE_VERSION, Observation, Task
-from wayproof.harness.prediction.map_box import ANY_SHAPE, MapBox
 from wayproof.harness.prediction.predicted_box import PredictionError
+from wayproof.harness.prediction.predictor import ANY_SHAPE, MapBox
 from wayproof.harness.schema import stack_pb2 as sb
 
 MAX_MESSAGE = 64 * 2**20

@@ -10,7 +10,7 @@ import zstandard
 from numpy.typing import NDArray
 
 from wayproof.harness.errors import InputError
-from wayproof.harness.prediction.map_box import MapBox
+from wayproof.harness.prediction.predictor import MapBox
 from wayproof.harness.schema import wayproof_pb2 as pb
 
 STEPS = 16

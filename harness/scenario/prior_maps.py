@@ -17,10 +17,9 @@ from wayproof.harness.perturbations import UNPERTURBED
 from wayproof.harness.perturbations.perturbation import Misplacement
 from wayproof.harness.prior.cells import PriorCells, packed
 from wayproof.harness.prior.grid import Grid, Placement, States, known_box, resampled
+from wayproof.harness.prior.of_world import grid_of_world, splat_of_world
 from wayproof.harness.prior.splats import poll, read_splat, states_by
 from wayproof.harness.prior.spz import read_spz
-from wayproof.harness.prior.truth import grid_of_world
-from wayproof.harness.prior.world_splat import splat_of_world
 from wayproof.harness.prior_config import MADE_OF_WORLD, NO_PRIOR, SPLAT, TRUTH, PriorConfig
 from wayproof.harness.stack.mapping import Mapper
 from wayproof.maps import FREE, OCCUPIED, VoxelMap

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -12,17 +12,14 @@ import numpy as np
 from wayproof.harness.config import HASH_SEPARATOR, Config
 from wayproof.harness.errors import InputError
 from wayproof.harness.mission import Mission
-from wayproof.harness.scenario.blind_start import warn_of_blind_start
-from wayproof.harness.scenario.places import goals_of, refuse_no_way
+from wayproof.harness.scenario.ground import check_climb, warn_of_blind_start
+from wayproof.harness.scenario.places import goals_of, known_route, refuse_no_way
 from wayproof.harness.scenario.prior_maps import with_prior
 from wayproof.harness.scenario.robots import (
-    built_in,
     find_robot,
     log_robot_identity,
     resolve_limits,
 )
-from wayproof.harness.scenario.routes import known_route
-from wayproof.harness.scenario.terrain import check_climb
 from wayproof.harness.scenario.worlds import (
     apply_world_perturbation,
     find_world,
@@ -32,16 +29,13 @@ from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.models.checks import check
 from wayproof.models.robots import Robot, RobotSpec
 from wayproof.models.robots.robot import ROBOT_PREFIX
-from wayproof.models.scene import Scene, bind, compose, device_name, resolve
+from wayproof.models.scene import Scene, compose, device_name, resolve
 from wayproof.models.sensors.caster import Caster
 from wayproof.models.world_files import WorldFileError, world_in_scene
 from wayproof.models.worlds import World
 from wayproof.models.worlds.solvability import AIR_BANDS
 
 Point = tuple[float, float, float]
-
-GLASS_RGBA = [0.8, 0.9, 1.0, 0.0]
-"""Colour of glass, which no beam hits: its alpha is 0."""
 
 LEVEL = 0.15
 """Height of a start or goal above a floor at which it is still that floor's, m."""
@@ -161,30 +155,6 @@ def build(config: Config, world: World | None = None) -> Scenario:
         ),
         asked=asked,
     )
-
-
-def edit_scene(scenario: Scenario, edit: Callable[[mujoco.MjSpec], None]) -> Scenario:
-    """Return the scenario of a registered robot with its scene changed and compiled anew.
-
-    The world keeps what it was generated from, so only the scene knows of the change.
-    """
-    spec = mujoco.MjSpec.from_string(scenario.scene.mjcf)
-    edit(spec)
-    spec.compile()
-    config = scenario.config
-    scene = bind(spec.to_xml(), built_in(config)[config.robot], config.sensors)
-    return replace(scenario, scene=scene)
-
-
-def make_transparent(scenario: Scenario, is_glass: Callable[[str], bool]) -> Scenario:
-    """Return the scenario with named geoms invisible to every beam, as glass is to a lidar."""
-
-    def clear(spec: mujoco.MjSpec) -> None:
-        for geom in spec.geoms:
-            if is_glass(geom.name):
-                geom.rgba = GLASS_RGBA
-
-    return edit_scene(scenario, clear)
 
 
 def _compose(world: World, robot: Robot, config: Config) -> Scene:

@@ -25,7 +25,7 @@ from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.shadow.way import Array
 from wayproof.models.pose_model import PoseError, estimated_trail
 from wayproof.models.poses import Trail
-from wayproof.models.sensors import range_codec
+from wayproof.models.sensors import codecs
 from wayproof.models.sensors.beams import NO_RETURN, BeamTable
 
 NO_TABLE = BeamTable(np.empty((0, 2)), np.empty((0, 2)), 0, order="list")
@@ -118,7 +118,7 @@ class RecordedPerturbation(Injection):
         report = Report(sweep.sensor, device, table, ranges, self._seed, sequence, listed)
         perturbed = self.perturbed(report)
         if beams is None:
-            sweep.ranges = range_codec.encode(perturbed.astype(np.uint16), sweep.rows)
+            sweep.ranges = codecs.encode_image(perturbed.astype(np.uint16), sweep.rows)
             return
         ages, directions = tuple(sweep.ages_ns) or (0,), sweep.directions
         del sweep.ages_ns[:]

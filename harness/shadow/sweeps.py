@@ -13,7 +13,7 @@ from wayproof.harness.recordings.transform import Transform
 from wayproof.harness.recordings.types import RecordedSensor, RecordedSweep
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.models.poses import rotation_matrices
-from wayproof.models.sensors import range_codec
+from wayproof.models.sensors import codecs
 from wayproof.models.sensors.beams import DROPPED, MILLIMETRES, NO_RETURN, pose_offsets
 
 POSE_STEP_NS = 5_000_000
@@ -93,7 +93,7 @@ class TableWriter:
             rows=self._rows,
             columns=len(ranges_mm) // self._rows,
             codec=CODEC,
-            ranges=range_codec.encode(ranges_mm, self._rows),
+            ranges=codecs.encode_image(ranges_mm, self._rows),
         )
         message.timestamp.FromNanoseconds(time_ns)
         return message

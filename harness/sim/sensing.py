@@ -12,7 +12,7 @@ from wayproof.harness.sim.injector import PerturbationInjector
 from wayproof.harness.sim.simulation import Simulation
 from wayproof.models.poses import Trail
 from wayproof.models.scene import Scene
-from wayproof.models.sensors import range_codec
+from wayproof.models.sensors import codecs
 from wayproof.models.sensors.caster import Caster
 
 
@@ -66,7 +66,7 @@ class Sensors:
             rows=rows,
             columns=table.beams // rows,
             codec=CODEC,
-            ranges=range_codec.encode(ranges, rows),
+            ranges=codecs.encode_image(ranges, rows),
             classes=classes.tobytes(),
         )
         message.timestamp.FromNanoseconds(time_ns)

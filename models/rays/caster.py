@@ -11,7 +11,7 @@ from wayproof.models.rays.geometry import Geometry
 from wayproof.models.rays.records import Geoms, Pattern, Room, Sweep, Waiting
 from wayproof.models.rays.tile_kernels import cast_blocks
 from wayproof.models.rays.tiles import cut_scattered
-from wayproof.models.rays.wide_tree import STACK_SIZE
+from wayproof.models.rays.tree import STACK_SIZE
 
 
 class TileCaster:

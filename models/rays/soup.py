@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from wayproof.models.arrays import Array
 from wayproof.models.rays.records import Soup
-from wayproof.models.rays.wide_tree import LEAF_BITS, build_wide_tree
+from wayproof.models.rays.tree import LEAF_BITS, build_wide_tree
 
 MESH, HEIGHT_FIELD = int(mujoco.mjtGeom.mjGEOM_MESH), int(mujoco.mjtGeom.mjGEOM_HFIELD)
 SHAPES = (MESH, HEIGHT_FIELD)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from wayproof.models._jit import inlined
 from wayproof.models.arrays import Array, Vector3
 from wayproof.models.rays.records import Soup, Waiting
-from wayproof.models.rays.wide_tree import CHILDREN, LEAF_BITS
+from wayproof.models.rays.tree import CHILDREN, LEAF_BITS
 
 U = np.uint64
 """Unsigned indices keep negative ones out, and so a test for them."""

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from wayproof.models._jit import allocating
 from wayproof.models.sensors.beams import DROPPED, MILLIMETRES, NO_RETURN
-from wayproof.models.sensors.devices.device import Device
-from wayproof.models.sensors.devices.noise import RangeNoise
+from wayproof.models.sensors.devices.device import Device, RangeNoise
 
 NONE_LOST = np.zeros(0, np.bool_)
 

@@ -24,7 +24,7 @@ from wayproof.models.world_files.sdf_includes import SHOWN, Includes
 from wayproof.models.world_files.sdf_shapes import Shapes
 from wayproof.models.world_files.urdf import as_model
 from wayproof.models.world_files.xml_tree import Element, read_xml
-from wayproof.models.worlds.materials import class_of
+from wayproof.models.worlds.solids.solid import class_of
 
 LEFT_OUT = ("road", "population")
 """Elements of a world that are not taken over, each with a note of its line."""

@@ -33,8 +33,8 @@ from wayproof.models.world_files.reading import WorldFileError, read_text
 from wayproof.models.world_files.solids import solid_of
 from wayproof.models.world_files.terrain import Terrain, ground_heights, terrain_of
 from wayproof.models.world_files.xml_tree import Element, read_xml
-from wayproof.models.worlds.materials import class_of, colour_of
 from wayproof.models.worlds.solids import FRICTION, Box
+from wayproof.models.worlds.solids.solid import class_of, colour_of
 from wayproof.models.worlds.world import World, mover_body
 
 FORMAT = "1"

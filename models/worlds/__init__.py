@@ -12,7 +12,7 @@ from wayproof.models.worlds.cylinders import cylinders
 from wayproof.models.worlds.forest import forest
 from wayproof.models.worlds.ghosts import ghosts
 from wayproof.models.worlds.maze import maze
-from wayproof.models.worlds.movers import Mover
+from wayproof.models.worlds.movers import Mover, Traffic
 from wayproof.models.worlds.office import office
 from wayproof.models.worlds.pedestrians import with_traffic
 from wayproof.models.worlds.solids import (
@@ -25,7 +25,6 @@ from wayproof.models.worlds.solids import (
     TriangleMesh,
 )
 from wayproof.models.worlds.solvability import is_solvable, shortest_path_length
-from wayproof.models.worlds.traffic import Traffic
 from wayproof.models.worlds.warehouse import warehouse
 from wayproof.models.worlds.world import World
 

@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wayproof.models.arrays import Vector3
-from wayproof.models.worlds.materials import class_of
 from wayproof.models.worlds.movers import Mover
 from wayproof.models.worlds.solids import FRICTION, Band, Box, Solid
-from wayproof.models.worlds.solids.solid import numbers
+from wayproof.models.worlds.solids.solid import class_of, numbers
 
 _SCENE = """\
 <mujoco model="{name}_{seed}">

@@ -10,20 +10,20 @@ from wayproof.harness.inputs import Beams, Pose, SweepInput
 from wayproof.harness.listed_beams import CODEC
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.models.poses import Trail
-from wayproof.models.sensors import range_codec
+from wayproof.models.sensors import codecs
 from wayproof.models.sensors.beams import BeamTable, quantise
 
 
 @pytest.fixture(scope="module", autouse=True)
 def compiled():
     """Else the first example takes as long as the compiler."""
-    range_codec.warm_up()
+    codecs.warm_up()
 
 
 @given(arrays(np.uint16, st.tuples(st.integers(1, 5), st.integers(1, 9))))
 def test_codec_round_trip(image):
     rows, columns = image.shape
-    data = range_codec.encode(image.ravel(), rows)
+    data = codecs.encode_image(image.ravel(), rows)
     sweep = pb.Sweep(rows=rows, columns=columns, codec=CODEC, ranges=data)
     assert len(data) == 2 * image.size
     assert (decode_ranges(sweep) == image.ravel()).all()

@@ -201,7 +201,7 @@ def test_the_stack_under_test_can_reach_neither_the_truth_nor_the_error_model():
         "wayproof.models.truth",
         "wayproof.models.robots",
         "wayproof.harness.sim.pose_estimate",
-        "wayproof.harness.sim.injector",
+        "wayproof.harness.sim.sensing",
     }
     assert not hidden & set(loaded)
 

@@ -6,14 +6,13 @@ import mujoco
 import numpy as np
 import pytest
 
-from wayproof.models.checks import Finding, check
+from wayproof.models.checks import Finding, check, distance_to, holds
 from wayproof.models.robots import ROBOTS
 from wayproof.models.robots.robot import ROBOT_PREFIX
 from wayproof.models.scene import compose
 from wayproof.models.sensors.beams import directions
 from wayproof.models.sensors.caster import ROBOT_GROUP
 from wayproof.models.sensors.devices import DEVICES, DepthCamera, Mount, SpinningLidar, evenly
-from wayproof.models.solids import distance_to, holds
 from wayproof.models.worlds import WORLDS
 
 LIDAR = SpinningLidar(

@@ -9,13 +9,13 @@ import pytest
 from tests.tools.trials import quadruped as walks
 from tests.tools.trials.estimate import EstimateNoise
 from tests.tools.trials.quadruped_sim import Conditions, TrialSim
-from wayproof.models.robots.packed import packed
+from wayproof.models.robots.kernel_data import packed
 from wayproof.models.robots.quadruped import Quadruped, warm_up
+from wayproof.models.robots.quadruped.body import MEMORY, OBSERVATION, record
 from wayproof.models.robots.quadruped.gait import advance
+from wayproof.models.robots.quadruped.legs import limit_torque
 from wayproof.models.robots.quadruped.parameters import Gait, Parameters, Prediction
 from wayproof.models.robots.quadruped.reference import Horizon, predict_horizon
-from wayproof.models.robots.quadruped.state import MEMORY, OBSERVATION, record
-from wayproof.models.robots.quadruped.torque import limit_torque
 
 ROBOT = Quadruped()
 NOISE = EstimateNoise()

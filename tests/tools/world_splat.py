@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from wayproof.harness.config import Config
+from wayproof.harness.prior.of_world import splat_of_world
 from wayproof.harness.prior.splats import NEEDED, Gaussians
-from wayproof.harness.prior.world_splat import splat_of_world
 from wayproof.harness.scenario.worlds import find_world
 
 

@@ -15,12 +15,12 @@ from wayproof.harness.errors import InputError
 from wayproof.harness.inputs import Inputs
 from wayproof.harness.interface.connect import PredictorSession, connect_predictor
 from wayproof.harness.mission import Mission
-from wayproof.harness.prediction.map_box import MapBox, Shape
 from wayproof.harness.prediction.predicted_box import (
     MOST_CELLS,
     blank_message,
     prediction_message,
 )
+from wayproof.harness.prediction.predictor import MapBox, Shape
 from wayproof.harness.stack.prediction import Predicted, Predictions
 from wayproof.maps.columns import WORD_BITS, ColumnMap, Window, unpack
 from wayproof.maps.states import FREE, OCCUPIED

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from wayproof.harness.errors import InputError
 from wayproof.harness.interface.policy import check_node, load_model
-from wayproof.harness.prediction.map_box import MapBox
+from wayproof.harness.prediction.predictor import MapBox
 from wayproof.maps.states import FREE, OCCUPIED
 
 WHAT = "predictor"

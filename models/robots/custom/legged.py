@@ -15,9 +15,8 @@ import mujoco
 import numpy as np
 
 from wayproof.models.arrays import Array
-from wayproof.models.robots.custom.feet import foot_sphere
 from wayproof.models.robots.custom.legged_parameters import legged_parameters
-from wayproof.models.robots.custom.source import RobotSpecError, Source, find
+from wayproof.models.robots.custom.source import RobotSpecError, Source, find, foot_sphere
 from wayproof.models.robots.custom.spec_file import SpecFile
 from wayproof.models.robots.custom.writing import (
     HEAD,
@@ -30,8 +29,8 @@ from wayproof.models.robots.custom.writing import (
     sensor_sites,
     surface,
 )
-from wayproof.models.robots.quadruped.model import FOOT_CONTACT, TOUCH_MARGIN
 from wayproof.models.robots.quadruped.parameters import JOINTS, LEGS, standing_joints
+from wayproof.models.robots.quadruped.robot import FOOT_CONTACT, TOUCH_MARGIN
 
 Objects = mujoco.mjtObj
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from wayproof.models.robots.custom.source import RobotSpecError
 from wayproof.models.robots.custom.spec_file import SpecFile
-from wayproof.models.robots.quadruped.kinematics import foot_jacobian
+from wayproof.models.robots.quadruped.legs import foot_jacobian
 from wayproof.models.robots.quadruped.parameters import (
     JOINTS,
     LEGS,

@@ -8,9 +8,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.models.robots.custom.source import RobotSpecError, Source, free
+from wayproof.models.robots.custom.source import RobotSpecError, Source, free, mesh_points
 from wayproof.models.robots.custom.spec_file import SpecFile
-from wayproof.models.robots.custom.writing import farthest, mesh_points
+from wayproof.models.robots.custom.writing import farthest
 from wayproof.models.robots.robot import Controller, Setpoint
 from wayproof.models.sensors.caster import ROBOT_GROUP
 from wayproof.plugin import UserCodeError, load_class, user_code

@@ -21,7 +21,7 @@ from wayproof.models.robots.custom.rotorcraft import (
 )
 from wayproof.models.robots.custom.source import RobotSpecError, Source, find_mjcf, open_source
 from wayproof.models.robots.custom.spec_file import CLASS_SEPARATOR, SpecFile, parse_spec
-from wayproof.models.robots.custom.stride import stride_findings, walked
+from wayproof.models.robots.custom.walker import stride_findings, walked
 from wayproof.models.robots.quadrotor import QuadrotorController
 from wayproof.models.robots.quadruped import QuadrupedController
 from wayproof.models.robots.robot import Controller, RobotSpec

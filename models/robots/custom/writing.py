@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from wayproof.models.arrays import Array
-from wayproof.models.robots.custom.source import RobotSpecError, Source
+from wayproof.models.robots.custom.source import RobotSpecError, Source, mesh_points
 from wayproof.models.robots.custom.spec_file import SpecFile
 from wayproof.models.sensors.caster import ROBOT_GROUP
 
@@ -128,13 +128,6 @@ def _geom(source: Source, geom: int, origin: Array, assets: Assets) -> str:
     mujoco.mju_mat2Quat(quat, R.ravel())
     size = numbers(model.geom_size[geom, :lengths])
     return f'<geom type="{name}" size="{size}" pos="{numbers(position)}" quat="{numbers(quat)}"/>'
-
-
-def mesh_points(model: mujoco.MjModel, geom: int) -> Array:  # (n, 3)
-    """Return the vertices of a mesh geom in its own frame, m."""
-    mesh = model.geom_dataid[geom]
-    first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
-    return np.asarray(model.mesh_vert[first : first + count], np.float64)
 
 
 def sensor_sites(spec: SpecFile, origin: Array) -> str:

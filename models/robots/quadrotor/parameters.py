@@ -9,16 +9,12 @@ from typing import NamedTuple
 
 GRAVITY = 9.81
 
-AIR_DENSITY = 1.225
-"""Density of air at sea level in the standard atmosphere, kg/m^3."""
-
 
 class Airframe(NamedTuple):
     """Body and rotors.
 
     Source: Skydio X2's public MuJoCo model, for mass, arms, rotor thrust and yaw ratio. Inertia,
-    motor lag, drag and figure of merit are assumptions of plausible size, not identified from any
-    craft.
+    motor lag and drag are assumptions of plausible size, not identified from any craft.
 
     Attributes:
         mass: kg.
@@ -32,7 +28,6 @@ class Airframe(NamedTuple):
         drag: Linear rotor drag along the body axes, N s/m (Kai et al. 2017, Faessler et al. 2018).
         body_drag: Quadratic drag of the hull in any direction, N s^2/m^2: half the air's density
             times a drag area of 0.033 m^2.
-        figure_of_merit: Ideal by true power of a hovering rotor.
     """
 
     mass: float = 1.325
@@ -45,7 +40,6 @@ class Airframe(NamedTuple):
     rotor_lag: float = 0.035
     drag: tuple[float, float, float] = (0.25, 0.25, 0.15)
     body_drag: float = 0.02
-    figure_of_merit: float = 0.6
 
 
 class Gains(NamedTuple):

@@ -10,18 +10,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.models.arrays import Array
-from wayproof.models.robots.packed import packed
-from wayproof.models.robots.quadruped.admm import solve_forces
-from wayproof.models.robots.quadruped.bindings import Views, views_of, wire
-from wayproof.models.robots.quadruped.gait import advance, begin
-from wayproof.models.robots.quadruped.kinematics import observe
-from wayproof.models.robots.quadruped.mpc import condense
+from wayproof.models.robots.kernel_data import packed
+from wayproof.models.robots.quadruped.body import (
+    MEMORY,
+    OBSERVATION,
+    Views,
+    composite_rigid_body,
+    record,
+    views_of,
+    wire,
+)
+from wayproof.models.robots.quadruped.gait import advance, begin, follow
+from wayproof.models.robots.quadruped.legs import joint_torques, observe
+from wayproof.models.robots.quadruped.mpc import condense, solve_forces
 from wayproof.models.robots.quadruped.parameters import Parameters, standing_joints
 from wayproof.models.robots.quadruped.reference import Horizon, predict_horizon
-from wayproof.models.robots.quadruped.rigid_body import composite_rigid_body
-from wayproof.models.robots.quadruped.state import MEMORY, OBSERVATION, record
-from wayproof.models.robots.quadruped.torque import joint_torques
-from wayproof.models.robots.quadruped.tracking import follow
 from wayproof.models.robots.robot import Setpoint
 
 INERTIA_PERIOD = 0.01

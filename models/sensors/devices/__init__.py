@@ -11,13 +11,14 @@ from __future__ import annotations
 
 import math
 
-from wayproof.models.sensors.devices.config import OWN, SensorConfig
-from wayproof.models.sensors.devices.depth_camera import DepthCamera
-from wayproof.models.sensors.devices.device import Device, Mount
-from wayproof.models.sensors.devices.noise import RangeNoise
-from wayproof.models.sensors.devices.rangefinder import Rangefinder
-from wayproof.models.sensors.devices.solid_state_lidar import SolidStateLidar
-from wayproof.models.sensors.devices.spinning_lidar import SpinningLidar, evenly
+from wayproof.models.sensors.devices.device import OWN, Device, Mount, RangeNoise, SensorConfig
+from wayproof.models.sensors.devices.kinds import (
+    DepthCamera,
+    Rangefinder,
+    SolidStateLidar,
+    SpinningLidar,
+    evenly,
+)
 
 D435_BASELINE = 0.050  # m
 D435_FOCAL_LENGTH = 848 / 2 / math.tan(math.radians(90.0) / 2)  # pixels

@@ -1,4 +1,4 @@
-"""Solids of triangles: meshes and height fields, written into the MJCF itself."""
+"""Solids of triangles: meshes, their convex hulls, and height fields, written into the MJCF."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ from wayproof.models.worlds.solids.solid import (
     numbers,
     write_geom,
 )
-from wayproof.models.worlds.solids.triangles import distance_to_triangles
 
 MIN_RELIEF = 1e-3
 """Height passed to MuJoCo for a height field without relief, m."""
@@ -208,3 +207,125 @@ def _in_band(triangles: NDArray[np.float64], band: Band) -> NDArray[np.float64]:
     heights = triangles[:, :, 2]
     within = (heights.min(axis=1) < band[1]) & (heights.max(axis=1) > band[0])
     return np.asarray(triangles[within])
+
+
+BOX_FACES = np.array(
+    [
+        (0, 1, 3), (0, 3, 2), (4, 6, 7), (4, 7, 5), (0, 4, 5), (0, 5, 1),
+        (2, 3, 7), (2, 7, 6), (0, 2, 6), (0, 6, 4), (1, 5, 7), (1, 7, 3),
+    ]
+)  # fmt: skip
+"""Triangles (12, 3) of a box whose corners are numbered with x slowest and z fastest."""
+
+
+def distance_to_triangles(
+    points: ArrayLike, triangles: NDArray[np.float64]
+) -> NDArray[np.float64]:  # (n,)
+    """Return the distance from points to the nearest of the triangles, m; infinite without any.
+
+    Args:
+        points: (n, d) with d = 2 or 3.
+        triangles: (m, 3, d) corners.
+    """
+    points = np.asarray(points, np.float64)
+    least = np.full(len(points), np.inf)
+    for triangle in triangles:
+        np.minimum(least, _squared_distance(points, triangle), out=least)
+    return np.asarray(np.sqrt(least))
+
+
+def _squared_distance(
+    points: NDArray[np.float64], triangle: NDArray[np.float64]
+) -> NDArray[np.float64]:  # (n,)
+    """Return the squared distance to the plane if its foot is inside, else to the nearest side."""
+    a, b, c = triangle
+    sides = [_to_segment(points, p, q) for p, q in ((a, b), (b, c), (c, a))]
+    least: NDArray[np.float64] = np.minimum(np.minimum(sides[0], sides[1]), sides[2])
+    u, v, offset = b - a, c - a, points - a
+    uu, uv, vv = u @ u, u @ v, v @ v
+    determinant = uu * vv - uv * uv
+    if determinant <= 0.0:
+        return least  # the corners lie on one line
+    ou, ov = offset @ u, offset @ v
+    s, t = (vv * ou - uv * ov) / determinant, (uu * ov - uv * ou) / determinant
+    inside = (s >= 0.0) & (t >= 0.0) & (s + t <= 1.0)
+    perpendicular = offset - s[:, None] * u - t[:, None] * v
+    return np.where(inside, np.square(perpendicular).sum(axis=1), least)
+
+
+def _to_segment(
+    points: NDArray[np.float64], tail: NDArray[np.float64], head: NDArray[np.float64]
+) -> NDArray[np.float64]:  # (n,) squared
+    along = head - tail
+    offset = points - tail
+    length = max(float(along @ along), 1e-300)
+    share = np.clip(offset @ along / length, 0.0, 1.0)
+    nearest: NDArray[np.float64] = np.square(offset - share[:, None] * along).sum(axis=1)
+    return nearest
+
+
+@dataclass(frozen=True)
+class ConvexMesh(TriangleMesh):
+    """The convex hull of a mesh, solid throughout; attributes as for `TriangleMesh`."""
+
+    @cached_property
+    def _hull(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Outward planes (m, 4) and triangles (m, 3, 3) of the hull."""
+        from scipy.spatial import ConvexHull  # slow to load, and few worlds have one
+
+        points = np.array(self.vertices, np.float64)
+        hull = ConvexHull(points)
+        return np.asarray(hull.equations), np.asarray(points[hull.simplices])
+
+    def distance(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Return exact distance (n,) from points (n, 3), world frame, m; 0 inside."""
+        points = np.asarray(points, np.float64)
+        planes, triangles = self._hull
+        beyond = np.full(len(points), -np.inf)
+        for plane in planes:
+            np.maximum(beyond, points @ plane[:3] + plane[3], out=beyond)
+        outside = beyond > 0.0
+        distances = np.zeros(len(points))
+        distances[outside] = distance_to_triangles(points[outside], triangles)
+        return distances
+
+    def distance_in_plane(self, points: ArrayLike, band: Band) -> NDArray[np.float64]:
+        """Return exact distance (n,) from points (n, 2) to the part in the band, m; see `Solid`."""
+        points = np.asarray(points, np.float64)
+        outline = self._outline(band)
+        if outline is None:
+            return np.full(len(points), np.inf)
+        inside = np.ones(len(points), np.bool_)
+        least = np.full(len(points), np.inf)
+        for tail, head in zip(outline, np.roll(outline, -1, axis=0), strict=True):
+            along, offset = head - tail, points - tail
+            inside &= along[0] * offset[:, 1] - along[1] * offset[:, 0] >= 0.0
+            length = max(float(along @ along), 1e-300)
+            share = np.clip(offset @ along / length, 0.0, 1.0)
+            gap = np.square(offset - share[:, None] * along).sum(axis=1)
+            np.minimum(least, gap, out=least)
+        return np.where(inside & (len(outline) > 2), 0.0, np.sqrt(least))
+
+    def _outline(self, band: Band) -> NDArray[np.float64] | None:  # (k, 2)
+        """Return the outline, counter-clockwise, of the part between two heights, seen from above.
+
+        None if nothing is; two points for what is as thin as a line.
+        """
+        _, triangles = self._hull
+        tails, heads = triangles.reshape(-1, 3), np.roll(triangles, -1, axis=1).reshape(-1, 3)
+        rise = heads[:, 2] - tails[:, 2]
+        found = [tails[(tails[:, 2] >= band[0]) & (tails[:, 2] <= band[1])]]
+        for height in band:
+            crossing = (tails[:, 2] - height) * (heads[:, 2] - height) < 0.0
+            share = (height - tails[crossing, 2]) / rise[crossing]
+            found.append(tails[crossing] + share[:, None] * (heads - tails)[crossing])
+        flat = np.concatenate(found)[:, :2]
+        if not len(flat):
+            return None
+        from scipy.spatial import ConvexHull, QhullError
+
+        try:
+            return np.asarray(flat[ConvexHull(flat).vertices])
+        except (QhullError, ValueError):  # all on one line
+            order = np.lexsort(flat.T)
+            return np.asarray(flat[order[[0, -1]]])

@@ -4,17 +4,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from wayproof.harness.estimators.kernels import (
-    alignment,
-    scan_search,
-    symmetric,
-    thinning,
-    voxels,
-)
-from wayproof.harness.estimators.kernels.alignment import SCALE, align, count_on_planes
-from wayproof.harness.estimators.kernels.symmetric import diagonalize, solve
-from wayproof.harness.estimators.kernels.voxels import add_points, fit_plane, slot_of, voxel_key
+from wayproof.harness.estimators import alignment, matrices, scan_search, voxels
+from wayproof.harness.estimators.alignment import SCALE, align, count_on_planes
+from wayproof.harness.estimators.matrices import diagonalize, solve
 from wayproof.harness.estimators.surface_map import SurfaceMap, thinned
+from wayproof.harness.estimators.voxels import add_points, fit_plane, slot_of, voxel_key
 
 
 @pytest.fixture
@@ -25,7 +19,7 @@ def python_versions(monkeypatch):
 
 
 def replace_all(monkeypatch):
-    for module in (symmetric, voxels, thinning, alignment, scan_search):
+    for module in (matrices, voxels, alignment, scan_search):
         for name, value in list(vars(module).items()):
             if hasattr(value, "py_func"):
                 monkeypatch.setattr(module, name, value.py_func)
@@ -71,7 +65,7 @@ def in_order(points, spacing, scratch=np.zeros):
     slots = 1 << (2 * len(points)).bit_length()
     keys, heads = scratch(slots, np.int64), scratch(slots, np.int64)
     following, chosen = scratch(len(points), np.int64), scratch(len(points), np.int64)
-    count = thinning.spread_out(points, spacing, keys, heads, following, chosen)
+    count = voxels.spread_out(points, spacing, keys, heads, following, chosen)
     return points[chosen[:count]]
 
 

@@ -15,13 +15,12 @@ from wayproof.harness.estimator_config import EstimateConfig
 from wayproof.harness.estimators.lidar_odometry import NAME, LidarOdometry
 from wayproof.harness.estimators.motion_filter import MotionFilter
 from wayproof.harness.estimators.motion_sensors import Motion
-from wayproof.harness.estimators.registration import Registration
 from wayproof.harness.estimators.stated_covariance import (
     SYSTEMATIC,
     StatedCovariance,
     spread_of,
 )
-from wayproof.harness.estimators.surface_map import SurfaceMap, unregistered
+from wayproof.harness.estimators.surface_map import Registration, SurfaceMap, unregistered
 from wayproof.harness.log.codec.messages import read_messages
 from wayproof.harness.replay.closed_loop import simulate_again
 from wayproof.harness.replay.fork import fork

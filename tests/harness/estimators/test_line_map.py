@@ -8,14 +8,14 @@ import pytest
 
 from tests.harness.estimators.test_kernels import replace_all
 from wayproof.harness.estimator_config import EstimateConfig
-from wayproof.harness.estimators.kernels import alignment, scan_search
-from wayproof.harness.estimators.kernels.alignment import count_on_planes
-from wayproof.harness.estimators.kernels.scan_search import score_of, search_start
-from wayproof.harness.estimators.kernels.voxels import slot_of, voxel_key
+from wayproof.harness.estimators import alignment, scan_search
+from wayproof.harness.estimators.alignment import count_on_planes
 from wayproof.harness.estimators.lidar_odometry import PLANAR_NAME, LidarOdometry
 from wayproof.harness.estimators.line_map import FORGOTTEN, LINE_POINTS, LineMap
 from wayproof.harness.estimators.motion_sensors import Motion
+from wayproof.harness.estimators.scan_search import score_of, search_start
 from wayproof.harness.estimators.surface_map import SurfaceMap, thinned
+from wayproof.harness.estimators.voxels import slot_of, voxel_key
 from wayproof.harness.shadow.recording_settings import SCANS
 
 VOXEL = 0.3

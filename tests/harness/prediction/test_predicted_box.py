@@ -5,13 +5,13 @@ import pytest
 
 from wayproof.harness.errors import InputError
 from wayproof.harness.interface.predictors.live import box_about
-from wayproof.harness.prediction.map_box import MapBox
 from wayproof.harness.prediction.predicted_box import (
     blank_message,
     in_steps,
     prediction_message,
     read_prediction,
 )
+from wayproof.harness.prediction.predictor import MapBox
 from wayproof.maps.columns import Window
 
 AREA = Window(0.1, (-50, -40, -1), (100, 80, 30))

@@ -13,7 +13,7 @@ from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.map_files.files import cells_of, moment_at, write_map
 from wayproof.harness.prior.cells import PriorCells, packed, prior_layer, unpacked
-from wayproof.harness.prior.truth import grid_of_world
+from wayproof.harness.prior.of_world import grid_of_world
 from wayproof.harness.scenario.prior_maps import with_prior
 from wayproof.harness.scenario.scenario import build
 from wayproof.harness.scenario.worlds import find_world

@@ -8,6 +8,7 @@ import pytest
 from tests.tools.world_splat import write_splat
 from wayproof.harness.config import Config
 from wayproof.harness.prior.grid import UNTURNED, Placement
+from wayproof.harness.prior.of_world import grid_of_world, splat_of_world
 from wayproof.harness.prior.splats import (
     OCCUPIED_VOTES,
     Gaussians,
@@ -16,8 +17,6 @@ from wayproof.harness.prior.splats import (
     states_by,
     votes_of_shares,
 )
-from wayproof.harness.prior.truth import grid_of_world
-from wayproof.harness.prior.world_splat import splat_of_world
 from wayproof.harness.scenario.worlds import find_world
 from wayproof.maps import OCCUPIED
 from wayproof.maps.columns import Window

@@ -10,9 +10,9 @@ import pytest
 from tests.tools.world_splat import write_splat
 from wayproof.harness.cli.main import main
 from wayproof.harness.config import Config
+from wayproof.harness.prior.of_world import splat_of_world
 from wayproof.harness.prior.splats import read_splat
 from wayproof.harness.prior.spz import read_spz
-from wayproof.harness.prior.world_splat import splat_of_world
 from wayproof.harness.scenario.worlds import find_world
 from wayproof.models.world_files import WorldFileError
 

@@ -8,7 +8,7 @@ import pytest
 from wayproof.harness.config import Config
 from wayproof.harness.config_document import override
 from wayproof.harness.runner import run_episode
-from wayproof.harness.scenario.blind_start import nearest_floor
+from wayproof.harness.scenario.ground import nearest_floor
 from wayproof.harness.scenario.scenario import build
 
 BACK_LIDAR = "sensors.lidar=ouster-os1-64"

@@ -9,8 +9,8 @@ from wayproof.harness.config_document import override
 from wayproof.harness.errors import InputError
 from wayproof.harness.scenario.places import goals_of, refuse_no_way
 from wayproof.harness.scenario.scenario import build
-from wayproof.models.places import PLACES
 from wayproof.models.robots import ROBOTS
+from wayproof.models.world_parameters import PLACES
 from wayproof.models.worlds import WORLDS, Box, World, is_solvable
 from wayproof.models.worlds.solvability import GROUND_BAND
 

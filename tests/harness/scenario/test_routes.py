@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 
 from tests.harness.halls import make_hall
-from wayproof.harness.scenario import routes
-from wayproof.harness.scenario.routes import known_route, route_between
+from wayproof.harness.scenario import places
+from wayproof.harness.scenario.places import known_route, route_between
 from wayproof.models.worlds import WORLDS, Box
 from wayproof.models.worlds.solvability import AIR_BANDS, GROUND_BAND
 
@@ -18,10 +18,10 @@ WIDE = (1, 3)
 def test_a_star_finds_ways_as_short_as_dijkstra(name, band, monkeypatch):
     world = WORLDS[name](3)
     by_dijkstra = route_between(world, 0.45, band, world.start, world.goal)
-    monkeypatch.setattr(routes, "MOST_CELLS", 0)
+    monkeypatch.setattr(places, "MOST_CELLS", 0)
     for wide in WIDE:
         extent = (world.high[0] - world.low[0]) * (world.high[1] - world.low[1]) / 0.05**2
-        monkeypatch.setattr(routes, "MOST_SEARCHED", extent / wide**2 + 1)
+        monkeypatch.setattr(places, "MOST_SEARCHED", extent / wide**2 + 1)
         found = route_between(world, 0.45, band, world.start, world.goal)
         assert 0.97 < found / by_dijkstra < 1.03
 

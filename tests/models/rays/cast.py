@@ -5,8 +5,8 @@ import numpy as np
 
 from wayproof.models.rays import cut_grid, cut_scattered
 from wayproof.models.sensors.beams import directions as beams_of
+from wayproof.models.sensors.caster import MujocoCaster
 from wayproof.models.sensors.devices import DepthCamera, Device, SpinningLidar, evenly
-from wayproof.models.sensors.engines import MujocoCaster
 
 ALL = np.ones(mujoco.mjNGROUP, np.uint8)
 

@@ -18,7 +18,7 @@ from tests.models.rays.cast import (
 )
 from wayproof.models.rays import TileCaster, cut_grid, cut_scattered, tile_kernels
 from wayproof.models.sensors.beams import rotate
-from wayproof.models.sensors.engines import MujocoCaster
+from wayproof.models.sensors.caster import MujocoCaster
 
 CAMERA = camera(45, 61, 1.5, 1.2, range=8.0)
 SINGLE = cut_grid(np.array([[1.0, 0.0, 0.0]]), 1, 1)

@@ -6,11 +6,11 @@ import pytest
 
 from tests.models.robots.hound import LEAN, SPEC, hound
 from wayproof.models.robots.custom import RobotSpecError, read_robot
-from wayproof.models.robots.custom.checking import check_spec
 from wayproof.models.robots.custom.legged_parameters import foot_mass, scaled
+from wayproof.models.robots.custom.proposal import check_spec
 from wayproof.models.robots.custom.writing import farthest
 from wayproof.models.robots.quadruped import Parameters, Quadruped
-from wayproof.models.robots.quadruped.kinematics import foot_position
+from wayproof.models.robots.quadruped.legs import foot_position
 from wayproof.models.robots.quadruped.parameters import standing_joints
 from wayproof.models.robots.robot import Setpoint
 

@@ -11,9 +11,14 @@ from scipy.spatial.transform import Rotation
 from tests.models.robots.flight import AIRFRAME, GAINS, TIMESTEP, build
 from wayproof.models.poses import Trail
 from wayproof.models.robots.quadrotor import Quadrotor, warm_up
-from wayproof.models.robots.quadrotor.geometric import desired_torque
+from wayproof.models.robots.quadrotor.control_law import (
+    ROTOR_SPIN,
+    ROTOR_X,
+    ROTOR_Y,
+    allocate,
+    desired_torque,
+)
 from wayproof.models.robots.quadrotor.parameters import FAST, GRAVITY
-from wayproof.models.robots.quadrotor.rotors import ROTOR_SPIN, ROTOR_X, ROTOR_Y, allocate
 from wayproof.models.robots.robot import Setpoint
 from wayproof.models.sensors.caster import ROBOT_GROUP, make_caster
 from wayproof.models.sensors.devices import SensorConfig

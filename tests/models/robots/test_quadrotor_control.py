@@ -8,20 +8,24 @@ from scipy.linalg import logm
 from scipy.spatial.transform import Rotation
 
 from tests.models.robots.flight import AIRFRAME, GAINS, SMOOTHING, TIMESTEP, build
-from wayproof.models.robots.linear_algebra import rotation_from_quaternion
-from wayproof.models.robots.quadrotor.drag import air_drag
-from wayproof.models.robots.quadrotor.flight import MEMORY, track
-from wayproof.models.robots.quadrotor.geometric import (
+from wayproof.models.robots.kernel_data import rotation_from_quaternion
+from wayproof.models.robots.quadrotor.control_law import (
+    ROTOR_SPIN,
+    ROTOR_X,
+    ROTOR_Y,
+    air_drag,
+    allocate,
     attitude_error,
     desired_attitude,
     desired_rates,
     desired_torque,
+    smooth_setpoint,
     tilt_error,
     tilt_room,
 )
+from wayproof.models.robots.quadrotor.controller import MEMORY, track
 from wayproof.models.robots.quadrotor.parameters import FAST, GRAVITY, Smoothing
-from wayproof.models.robots.quadrotor.rotors import ROTOR_SPIN, ROTOR_X, ROTOR_Y, allocate
-from wayproof.models.robots.quadrotor.smoothing import smooth_setpoint
+from wayproof.models.robots.robot import Setpoint
 
 
 def test_drag_is_the_closed_form():
@@ -33,7 +37,7 @@ def test_drag_is_the_closed_form():
     data.qvel[dof : dof + 3] = velocity = np.array([2.0, -1.0, 0.5])
     R = turn.as_matrix()
     controller.wind[:] = wind = np.array([0.5, 3.0, -1.0])
-    controller.apply_drag(data)
+    controller.follow(data, Setpoint((0.0, 0.0, 1.0)))
     airspeed = velocity - wind
     expected = -R @ np.diag([0.25, 0.25, 0.15]) @ R.T @ airspeed
     expected -= 0.02 * np.linalg.norm(airspeed) * airspeed

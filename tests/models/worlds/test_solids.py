@@ -17,7 +17,7 @@ from wayproof.models.worlds import (
     TriangleMesh,
     World,
 )
-from wayproof.models.worlds.solids.triangles import distance_to_triangles
+from wayproof.models.worlds.solids.surfaces import distance_to_triangles
 
 RNG = np.random.default_rng(3)
 TETRAHEDRON = TriangleMesh(

@@ -15,10 +15,11 @@ import mujoco
 import numpy as np
 
 from tests.tools.faults.reckless import Reckless, Uninflated
+from tests.tools.faults.scene_edits import GLASS_RGBA, edit_scene
 from wayproof.harness.attribution.ways import rest_to_rest
 from wayproof.harness.config_document import override
 from wayproof.harness.perturbations import perturbation_from
-from wayproof.harness.scenario.scenario import GLASS_RGBA, Scenario, build, edit_scene
+from wayproof.harness.scenario.scenario import Scenario, build
 from wayproof.harness.stack.pipeline import Navigator
 from wayproof.models.robots.robot import ROBOT_PREFIX
 from wayproof.models.sensors.caster import ROBOT_GROUP

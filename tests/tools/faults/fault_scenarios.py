@@ -13,10 +13,11 @@ from typing import Any, cast
 import numpy as np
 
 from tests.tools.faults.reckless import Reckless
+from tests.tools.faults.scene_edits import make_transparent
 from wayproof.harness.config import Config
 from wayproof.harness.config_document import override
 from wayproof.harness.errors import unknown_name
-from wayproof.harness.scenario.scenario import Scenario, build, make_transparent
+from wayproof.harness.scenario.scenario import Scenario, build
 from wayproof.harness.stack.pipeline import Navigator
 from wayproof.models.worlds import Box, Mover, World
 from wayproof.models.worlds.layout import room_walls

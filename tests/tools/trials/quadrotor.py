@@ -15,10 +15,17 @@ from tests.tools.trials.estimate import Estimate, EstimateNoise
 from tests.tools.trials.run import Run
 from tests.tools.trials.wind import dryden_gusts
 from wayproof.models.arrays import Array
-from wayproof.models.robots.quadrotor.parameters import AIR_DENSITY, Airframe
+from wayproof.models.robots.quadrotor.control_law import air_drag
+from wayproof.models.robots.quadrotor.parameters import Airframe
 from wayproof.models.robots.quadrotor.robot import Quadrotor
 from wayproof.models.robots.robot import ROBOT_PREFIX, Setpoint
 from wayproof.planners import MotionLimits, PathState, follow_path
+
+AIR_DENSITY = 1.225
+"""Density of air at sea level in the standard atmosphere, kg/m^3."""
+
+FIGURE_OF_MERIT = 0.6
+"""Ideal by true power of a hovering rotor; assumed."""
 
 Course = Callable[[float], tuple[float, float, float, float]]
 """Function from time, s, to x, y, z, m, and heading, rad."""
@@ -55,7 +62,7 @@ def rotor_power(airframe: Airframe, thrusts: Array) -> float:
     """
     area = math.pi * airframe.rotor_radius**2
     ideal = float((np.maximum(thrusts, 0.0) ** 1.5).sum()) / math.sqrt(2.0 * AIR_DENSITY * area)
-    return ideal / airframe.figure_of_merit
+    return ideal / FIGURE_OF_MERIT
 
 
 def fly(
@@ -89,7 +96,11 @@ def fly(
             estimate.update(data, tick)
             controller.follow(estimate.data, setpoint)
             data.ctrl[:] = estimate.data.ctrl
-            controller.apply_drag(data)
+            R = np.empty(9)
+            mujoco.mju_quat2Mat(R, data.qpos[3:7])
+            airspeed = data.qvel[:3] - wind[tick]
+            drag = air_drag(robot.parameters.airframe, R.reshape(3, 3), airspeed)
+            data.xfrc_applied[controller.body, :3] = drag
         mujoco.mj_step(model, data)
         if tick % CRASH_CHECK_TICKS == 0:
             energy += (

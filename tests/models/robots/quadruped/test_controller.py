@@ -7,18 +7,17 @@ import mujoco
 import numpy as np
 import pytest
 
-from wayproof.models.robots.packed import packed
+from wayproof.models.robots.kernel_data import packed
 from wayproof.models.robots.quadruped import Quadruped
-from wayproof.models.robots.quadruped.gait import advance
+from wayproof.models.robots.quadruped.body import MEMORY, OBSERVATION, record
+from wayproof.models.robots.quadruped.gait import advance, velocity_command
+from wayproof.models.robots.quadruped.legs import arch, glide, joint_torques, limit_torque
 from wayproof.models.robots.quadruped.parameters import (
     Actuators,
     Gait,
     Parameters,
     Tracking,
 )
-from wayproof.models.robots.quadruped.state import MEMORY, OBSERVATION, record
-from wayproof.models.robots.quadruped.torque import arch, glide, joint_torques, limit_torque
-from wayproof.models.robots.quadruped.tracking import velocity_command
 from wayproof.models.robots.robot import Setpoint
 
 QUADRUPED = Quadruped()

@@ -6,10 +6,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from wayproof.models.robots.packed import packed
+from wayproof.models.robots.kernel_data import packed
 from wayproof.models.robots.quadruped import Quadruped
-from wayproof.models.robots.quadruped.bindings import wire
-from wayproof.models.robots.quadruped.kinematics import foot_position, observe
+from wayproof.models.robots.quadruped.body import OBSERVATION, record, wire
+from wayproof.models.robots.quadruped.legs import foot_position, observe
 from wayproof.models.robots.quadruped.parameters import (
     JOINTS,
     LEGS,
@@ -18,7 +18,6 @@ from wayproof.models.robots.quadruped.parameters import (
     Parameters,
     standing_joints,
 )
-from wayproof.models.robots.quadruped.state import OBSERVATION, record
 
 QUADRUPED = Quadruped()
 GEOMETRY = Geometry()

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from wayproof.models.robots.quadruped.admm import project, solve_forces
-from wayproof.models.robots.quadruped.mpc import GRAVITY, condense
+from wayproof.models.robots.quadruped.mpc import GRAVITY, condense, project, solve_forces
 from wayproof.models.robots.quadruped.parameters import Prediction
 from wayproof.models.robots.quadruped.reference import Horizon
 

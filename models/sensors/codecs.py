@@ -1,7 +1,8 @@
-"""Codec of beams that a sweep lists: directions in grains and long ranges, in byte planes.
+"""Codecs of sweeps: differences from beam to beam, low bytes before high, for zstd.
 
-Each number is coded as its difference from that of the beam before, modulo 2^32, with the sign in
-the lowest bit; all lowest bytes come first, all highest last, for zstd.
+Ranges of an image are coded as two bytes each, by their differences along each row. Of a sweep that
+lists its beams, each number is coded as its difference from that of the beam before, modulo 2^32,
+with the sign in the lowest bit; all lowest bytes come first, all highest last.
 
 A direction is rounded to whole grains of 2^-20 and scaled to unit length when it is decoded: it is
 then at most 1e-6 rad from the one given, which is 0.1 mm at 100 m. Decoded directions are the same
@@ -13,6 +14,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from wayproof.models._jit import kernel
+
 GRAIN = 2.0**-20
 """Grain of a coordinate of a unit direction: 1e-6 rad."""
 
@@ -21,6 +24,59 @@ BYTES = 4
 
 LEAST_LENGTH = 0.9
 """Least length of a coded direction; rounding changes that of a unit vector by 1e-6 at most."""
+
+
+def encode_image(ranges_mm: NDArray[np.uint16], rows: int) -> bytes:
+    """Return two bytes for each of the ranges (n,), mm, of a number of rows.
+
+    Raises:
+        ValueError: The rows are not of equal length.
+    """
+    image = np.ascontiguousarray(ranges_mm).reshape(rows, -1)
+    planes = np.empty((2, *image.shape), np.uint8)
+    write_differences(image, planes)
+    return planes.tobytes()
+
+
+def decode_image(data: bytes, rows: int) -> NDArray[np.uint16]:
+    """Return the ranges (n,), mm, of 2 n bytes by `encode_image`.
+
+    Raises:
+        ValueError: There are not two bytes for each range of equal rows.
+    """
+    planes = np.frombuffer(data, np.uint8).reshape(2, rows, -1)
+    image = np.empty(planes.shape[1:], np.uint16)
+    add_differences(planes, image)
+    return image.reshape(-1)
+
+
+@kernel
+def write_differences(
+    image: NDArray[np.uint16],  # (rows, columns) mm
+    planes: NDArray[np.uint8],  # (2, rows, columns) out
+) -> None:
+    """Write each range's difference from the one before in its row, modulo 2^16."""
+    for row in range(image.shape[0]):
+        before = np.uint16(0)
+        for k in range(image.shape[1]):
+            difference = np.uint16(image[row, k] - before)
+            planes[0, row, k] = np.uint8(difference & np.uint16(0xFF))
+            planes[1, row, k] = np.uint8(difference >> np.uint16(8))
+            before = image[row, k]
+
+
+@kernel
+def add_differences(
+    planes: NDArray[np.uint8],  # (2, rows, columns)
+    image: NDArray[np.uint16],  # (rows, columns) mm, out
+) -> None:
+    """Undo `write_differences`."""
+    for row in range(image.shape[0]):
+        so_far = np.uint16(0)
+        for k in range(image.shape[1]):
+            low, high = np.uint16(planes[0, row, k]), np.uint16(planes[1, row, k])
+            so_far += low | (high << np.uint16(8))
+            image[row, k] = so_far
 
 
 def encode_directions(directions: NDArray[np.floating]) -> bytes:
@@ -73,3 +129,8 @@ def _decode(data: bytes, rows: int, count: int) -> NDArray[np.uint32]:  # (rows,
     steps = folded >> 1 ^ -(folded & 1).astype(np.int32).view(np.uint32)
     summed: NDArray[np.uint32] = np.cumsum(steps, axis=1, dtype=np.uint32)
     return summed
+
+
+def warm_up() -> None:
+    """Compile the kernels, or load them from the cache."""
+    decode_image(encode_image(np.zeros(1, np.uint16), 1), 1)

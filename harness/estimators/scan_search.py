@@ -7,8 +7,8 @@ from math import cos, floor, inf, isfinite, sin
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.harness.estimators.kernels.alignment import NEAR
-from wayproof.harness.estimators.kernels.voxels import (
+from wayproof.harness.estimators.alignment import NEAR
+from wayproof.harness.estimators.voxels import (
     EMPTY,
     Voxels,
     distance_from_plane,

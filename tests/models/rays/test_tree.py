@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from wayproof.models.rays.records import Waiting
-from wayproof.models.rays.tree import MAX_LEAF
+from wayproof.models.rays.tree import CHILDREN, LEAF_BITS, MAX_LEAF, build_wide_tree
 from wayproof.models.rays.walks import open_node, slabs_of
-from wayproof.models.rays.wide_tree import CHILDREN, LEAF_BITS, build_wide_tree
 
 
 def corners(boxes, node, child):

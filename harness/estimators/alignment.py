@@ -6,8 +6,8 @@ from math import cos, isfinite, sin
 
 import numpy as np
 
-from wayproof.harness.estimators.kernels.symmetric import diagonalize, solve
-from wayproof.harness.estimators.kernels.voxels import (
+from wayproof.harness.estimators.matrices import diagonalize, solve
+from wayproof.harness.estimators.voxels import (
     FLATNESS,
     Voxels,
     distance_from_plane,

@@ -1,21 +1,20 @@
-"""Geometric tracking control on SE(3), with feed-forward to snap.
+"""Control law of the quadrotor: reference, drag, geometric tracking on SE(3), rotor thrusts.
 
 Lee, Leok and McClamroch, "Geometric tracking control of a quadrotor UAV on SE(3)", CDC 2010 (LLM
-below); feed-forward after Mellinger and Kumar, "Minimum snap trajectory generation and control for
-quadrotors", ICRA 2011. World z up, body x forward and z along the thrust.
+below); feed-forward to snap after Mellinger and Kumar, "Minimum snap trajectory generation and
+control for quadrotors", ICRA 2011. World z up, body x forward and z along the thrust.
 """
 
 from __future__ import annotations
 
-from math import cos, sin, sqrt
+from math import cos, floor, pi, sin, sqrt
 
 import numpy as np
 
 from wayproof.models._jit import allocating, kernel
 from wayproof.models.arrays import Array
-from wayproof.models.robots.linear_algebra import cross, dot
-from wayproof.models.robots.quadrotor.drag import air_drag
-from wayproof.models.robots.quadrotor.parameters import GRAVITY, Airframe, Gains
+from wayproof.models.robots.kernel_data import cross, dot
+from wayproof.models.robots.quadrotor.parameters import GRAVITY, Airframe, Gains, Smoothing
 
 
 @allocating
@@ -179,3 +178,125 @@ def tilt_room(airframe: Airframe, gains: Gains, thrust: float) -> float:
     room = 0.25 * thrust - gains.idle * airframe.thrust_max
     room = max(room, gains.tilt_floor * airframe.thrust_max)
     return min(room, gains.tilt_share * airframe.thrust_max)
+
+
+@allocating
+def air_drag(airframe: Airframe, R_world_body: Array, airspeed: Array) -> Array:  # (3,)
+    """Compute drag, N, at a velocity (3,) through the air, m/s, both in the world frame.
+
+    That of the rotors is -R D R^T v (Kai et al. 2017; Faessler et al. 2018), that of the hull
+    -c |v| v.
+    """
+    drag = np.empty(3)
+    speed = sqrt(dot(airspeed, airspeed))
+    for i in range(3):
+        drag[i] = -airframe.body_drag * speed * airspeed[i]
+    for axis in range(3):
+        along = airframe.drag[axis] * dot(R_world_body[:, axis], airspeed)
+        for i in range(3):
+            drag[i] -= along * R_world_body[i, axis]
+    return drag
+
+
+ROTOR_X = (-1.0, -1.0, 1.0, 1.0)
+"""Sign of each rotor's place along x: behind, behind, ahead, ahead."""
+
+ROTOR_Y = (-1.0, 1.0, 1.0, -1.0)
+"""Sign of each rotor's place along y: right, left, left, right."""
+
+ROTOR_SPIN = (-1.0, 1.0, -1.0, 1.0)
+"""Sign of each rotor's reaction torque about z."""
+
+
+@allocating
+def allocate(airframe: Airframe, gains: Gains, thrust: float, torque: Array) -> Array:  # (4,)
+    """Return rotor thrusts, N, within their limits: yaw yields first, roll and pitch last.
+
+    Roll and pitch decide whether the craft stays upright and where it goes, so their torques are
+    met whenever the rotors' range allows; the collective is shifted to make room for them.
+    """
+    low, high = gains.idle * airframe.thrust_max, airframe.thrust_max
+    rotors = np.empty(4)
+    for i in range(4):
+        roll = ROTOR_Y[i] * torque[0] / airframe.arm_y
+        rotors[i] = 0.25 * (roll - ROTOR_X[i] * torque[1] / airframe.arm_x)
+    rotors *= min(1.0, (high - low) / max(rotors.max() - rotors.min(), 1e-9))
+    base = min(max(0.25 * thrust, low - rotors.min()), high - rotors.max())
+    rotors += base
+    room = min(rotors.min() - low, high - rotors.max(), gains.yaw_share * high)
+    yaw = min(max(0.25 * torque[2] / airframe.yaw_ratio, -room), room)
+    for i in range(4):
+        rotors[i] = min(max(rotors[i] + ROTOR_SPIN[i] * yaw, 0.0), high)
+    return rotors
+
+
+@allocating
+def invert_lag(
+    airframe: Airframe, gains: Gains, rotors: Array, lag: Array, timestep: float
+) -> Array:  # (4,)
+    """Return the command whose lagged thrust is the demand: demand + lag * its derivative.
+
+    Args:
+        airframe: Rotor limits and lag.
+        gains: Share of the lag that is inverted, and its filter.
+        rotors: (4,) demanded thrust, N.
+        lag: (2, 4) demand of the last tick, N, and its filtered derivative, N/s; updated.
+        timestep: s.
+    """
+    command = np.empty(4)
+    for i in range(4):
+        slope = (rotors[i] - lag[0, i]) / timestep
+        lag[1, i] += timestep / gains.lag_filter * (slope - lag[1, i])
+        lag[0, i] = rotors[i]
+        lead = rotors[i] + gains.lag_lead * airframe.rotor_lag * lag[1, i]
+        command[i] = min(max(lead, 0.0), airframe.thrust_max)
+    return command
+
+
+@allocating
+def smooth_setpoint(
+    smoothing: Smoothing, reference: Array, setpoint: Array, timestep: float
+) -> None:
+    """Advance the reference by one tick and choose its snap toward a setpoint.
+
+    Args:
+        smoothing: Bandwidth and limits.
+        reference: (5, 4) position, velocity, acceleration, jerk and snap by row; x, y, z, m, and
+            heading, rad, unwrapped, by column; updated.
+        setpoint: (4,) x, y, z, m, and heading, rad.
+        timestep: s.
+    """
+    _integrate(reference, timestep)
+    target = setpoint.copy()
+    target[3] -= 2 * pi * floor((target[3] - reference[0, 3] + pi) / (2 * pi))
+    _choose_snap(reference[:, :3], target[:3], smoothing.bandwidth, smoothing.limits)
+    _choose_snap(reference[:, 3:], target[3:], smoothing.bandwidth, smoothing.heading_limits)
+
+
+@kernel
+def _integrate(reference: Array, timestep: float) -> None:
+    """Integrate over a tick, exactly for a constant snap."""
+    for channel in range(4):
+        for order in range(4):
+            power = 1.0
+            for higher in range(order + 1, 5):
+                power *= timestep / (higher - order)
+                reference[order, channel] += power * reference[higher, channel]
+
+
+@allocating
+def _choose_snap(
+    reference: Array, target: Array, bandwidth: float, limits: tuple[float, float, float, float]
+) -> None:
+    """Set the snap by four nested loops, each with a limit on its demand of the next.
+
+    Unlimited, their gains put all four poles at the bandwidth: (s + b)^4 = s^4 + 4 b s^3
+    + 6 b^2 s^2 + 4 b^3 s + b^4, read from the inside out.
+    """
+    demand = target
+    gains = (bandwidth / 4, bandwidth * 2 / 3, bandwidth * 3 / 2, bandwidth * 4)
+    for order in range(4):
+        demand = gains[order] * (demand - reference[order])
+        norm = sqrt((demand * demand).sum())
+        demand *= min(1.0, limits[order] / max(norm, 1e-9))
+    reference[4] = demand

@@ -1,6 +1,12 @@
-"""Small vectors and rotations, for the kernels of controllers."""
+"""Small vectors, rotations and parameters, in the form that kernels of controllers take."""
 
 from __future__ import annotations
+
+import functools
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from wayproof.models._jit import kernel
 from wayproof.models.arrays import Array
@@ -42,3 +48,32 @@ def add_cross(start: Array, a: Array, b: Array, total: Array) -> None:
     total[0] = start[0] + a[1] * b[2] - a[2] * b[1]
     total[1] = start[1] + a[2] * b[0] - a[0] * b[2]
     total[2] = start[2] + a[0] * b[1] - a[1] * b[0]
+
+
+def packed(parameters: Any, **more: Any) -> NDArray[Any]:
+    """Return a named tuple of numbers, tuples of numbers and named tuples as one record, (1,).
+
+    Args:
+        parameters: The named tuple.
+        more: Further fields by name.
+    """
+    fields = {**parameters._asdict(), **more}
+    dtype = _record_type(tuple((name, *_field(value)) for name, value in fields.items()))
+    return np.array([tuple(fields.values())], dtype)
+
+
+@functools.cache
+def _record_type(fields: tuple[tuple[Any, ...], ...]) -> np.dtype[Any]:
+    """Return the type of a record, the same object each time.
+
+    A kernel that is called with an equal one compares all fields first.
+    """
+    return np.dtype([*fields], align=True)
+
+
+def _field(value: Any) -> tuple[Any, tuple[int, ...]]:
+    """Return the type and shape of a field."""
+    if hasattr(value, "_fields"):
+        return packed(value).dtype, ()
+    array = np.array(value)
+    return array.dtype, array.shape
