@@ -18,6 +18,7 @@ from wayproof.bounds import Bounds, check_fields
 from wayproof.models.arrays import Array
 from wayproof.models.poses import Trail
 from wayproof.models.random_streams import stream
+from wayproof.models.snapshot import Kept
 
 ERROR_STEP = 1e-6
 """Step of the errors, m and rad."""
@@ -101,8 +102,14 @@ class PoseError:
         return PoseError((x + dx, y + dy, z + dz), self.turn + other.turn)
 
 
-class PoseModel:
+class PoseModel(Kept):
     """The error of an estimator that follows one body, estimate by estimate."""
+
+    KEPT = (
+        *("_sequence", "_position", "_heading", "_reckoned", "_bounded", "_jitter"),
+        *("_covariance", "travelled"),
+    )
+    """The scales and draws follow from the seed."""
 
     def __init__(
         self,
@@ -174,31 +181,6 @@ class PoseModel:
         kept = zip(self._bounded, self._fresh_spread, bounded, strict=True)
         self._bounded = [self._decay * old + spread * draw for old, spread, draw in kept]
         self._jitter = list(map(operator.mul, self._jitter_spread, jitter))
-
-    def state(self) -> dict[str, Array]:
-        """Return the state kept between estimates; the scales and draws follow from the seed."""
-        return {
-            "sequence": np.array(self._sequence, np.int64),
-            "position": np.array(self._position),
-            "heading": np.array(self._heading),
-            "reckoned": self._reckoned.copy(),
-            "bounded": np.array(self._bounded),
-            "jitter": np.array(self._jitter),
-            "covariance": self._covariance.copy(),
-            "travelled": np.array(self.travelled),
-        }
-
-    def restore(self, state: dict[str, Array]) -> None:
-        """Continue from what `state` returned."""
-        self._sequence = int(state["sequence"])
-        x, y, z = map(float, state["position"].tolist())
-        self._position = [x, y, z]
-        self._heading = float(state["heading"])
-        self._reckoned = state["reckoned"].copy()
-        self._bounded = state["bounded"].tolist()
-        self._jitter = state["jitter"].tolist()
-        self._covariance = state["covariance"].copy()
-        self.travelled = float(state["travelled"])
 
     @property
     def error(self) -> PoseError:

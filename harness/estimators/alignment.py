@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import cos, isfinite, sin
+from typing import NamedTuple
 
 import numpy as np
 
@@ -43,49 +44,51 @@ FIXED = 1e3
 """Weight, in all points, with which the prediction stays along a direction that is not held."""
 
 
+class Alignment(NamedTuple):
+    """Where a sweep lies on the planes of the map.
+
+    Attributes:
+        correction: (4,) shift, m, and turn about the vertical through the base, rad.
+        information: (3,) eigenvalues of the mean of n n'.
+        axes: (3, 3) their directions, in columns.
+    """
+
+    correction: Array
+    information: Array
+    axes: Array
+
+
 @allocating
 def align(
-    offsets: Array,
-    predicted: Array,
-    inverse: float,
-    held: float,
-    prior: Array,
-    voxels: Voxels,
-    correction: Array,
-    information: Array,
-    axes: Array,
+    offsets: Array, predicted: Array, held: float, prior: Array, voxels: Voxels, found: Alignment
 ) -> tuple[int, int, int]:
     """Align a sweep with the planes of the map, by Gauss-Newton on the distances from them.
 
     Args:
         offsets: (n, 3) points from the predicted position of the base, world axes, m.
         predicted: (3,) that position, m.
-        inverse: One by the edge of a voxel, 1/m.
         held: Least information of a direction that the scene holds.
         prior: (4, 4) by which the prediction counts, in terms of the mean of g g' over the points,
             g the gradient of the distance by the pose.
         voxels: The map.
-        correction: (4,) shift, m, and turn about the vertical through the base, rad; written.
-        information: (3,) eigenvalues of the mean of n n'; written.
-        axes: (3, 3) their directions, in columns; written.
+        found: Written.
 
     Returns:
         Number of points within the gate of a plane, of those that agree with it, and of points in
         known voxels. With less than `LEAST_INLIERS` of the first there is no correction.
     """
-    correction[:] = 0.0
-    information[:] = 0.0
+    correction, information, axes = found
+    correction[:], information[:] = 0.0, 0.0
     diagonalize(np.zeros((3, 3)), axes)
     equations, right, moment = np.empty((4, 4)), np.empty(4), np.empty((3, 3))
     inliers, near, known = 0, 0, 0
     for iteration in range(ITERATIONS):
         gate = 2.0 * GATE if iteration < COARSE else GATE
         inliers, near, known, weight = sum_up(
-            offsets, predicted, correction, inverse, gate, voxels, equations, right, moment
+            offsets, predicted, correction, gate, voxels, equations, right, moment
         )
         if inliers < LEAST_INLIERS:
-            correction[:] = 0.0
-            information[:] = 0.0
+            correction[:], information[:] = 0.0, 0.0
             diagonalize(np.zeros((3, 3)), axes)
             return inliers, near, known
         diagonalize(moment, axes)
@@ -109,16 +112,9 @@ def align(
 
 @allocating
 def sum_up(
-    offsets: Array,
-    predicted: Array,
-    correction: Array,
-    inverse: float,
-    gate: float,
-    voxels: Voxels,
-    equations: Array,
-    right: Array,
-    moment: Array,
-) -> tuple[int, int, int, float]:
+    offsets: Array, predicted: Array, correction: Array, gate: float, voxels: Voxels,
+    equations: Array, right: Array, moment: Array,
+) -> tuple[int, int, int, float]:  # fmt: skip
     """Sum up the normal equations (4, 4) and (4,), and the weighted mean of n n' (3, 3).
 
     Returns:
@@ -134,7 +130,7 @@ def sum_up(
         ox, oy = offsets[index, 0], offsets[index, 1]
         rx, ry = c * ox - s * oy, s * ox + c * oy
         x, y, z = bx + rx, by + ry, bz + offsets[index, 2]
-        slot = slot_of(voxels.keys, voxel_key(x, y, z, inverse))
+        slot = slot_of(voxels.keys, voxel_key(x, y, z, voxels.inverse))
         known += is_known(voxels, slot, viewer)
         distance = distance_from_plane(voxels, slot, x, y, z, viewer)
         if abs(distance) > gate:
@@ -170,23 +166,15 @@ def hold_to_prediction(
 
 @allocating
 def examine(
-    offsets: Array,
-    predicted: Array,
-    correction: Array,
-    inverse: float,
-    voxels: Voxels,
-    distances: Array,
-    moment: Array,
-    scatter: Array,
-    shares: Array,
-) -> int:
+    offsets: Array, predicted: Array, correction: Array, voxels: Voxels,
+    distances: Array, moment: Array, scatter: Array, shares: Array,
+) -> int:  # fmt: skip
     """Measure how an aligned sweep lies on the planes of the map.
 
     Args:
         offsets: As of `align`.
         predicted: As of `align`.
         correction: (4,) of `align`.
-        inverse: As of `align`.
         voxels: The map.
         distances: (n,) of the points near a plane from it, without sign, m; the first ones are
             written.
@@ -209,7 +197,7 @@ def examine(
         ox, oy = offsets[index, 0], offsets[index, 1]
         rx, ry = c * ox - s * oy, s * ox + c * oy
         x, y, z = bx + rx, by + ry, bz + offsets[index, 2]
-        slot = slot_of(voxels.keys, voxel_key(x, y, z, inverse))
+        slot = slot_of(voxels.keys, voxel_key(x, y, z, voxels.inverse))
         distance = abs(distance_from_plane(voxels, slot, x, y, z, viewer))
         if distance > GATE:
             continue
@@ -233,7 +221,7 @@ def examine(
 
 @kernel
 def count_on_planes(
-    points: Array, viewer: Array, inverse: float, voxels: Voxels, least: int
+    points: Array, viewer: Array, voxels: Voxels, least: int
 ) -> tuple[int, int, int]:
     """Count points (n, 3), m, that agree with a plane, that have one, and in known voxels.
 
@@ -242,7 +230,7 @@ def count_on_planes(
     near, planar, known = 0, 0, 0
     for index in range(len(points)):
         x, y, z = points[index, 0], points[index, 1], points[index, 2]
-        slot = slot_of(voxels.keys, voxel_key(x, y, z, inverse))
+        slot = slot_of(voxels.keys, voxel_key(x, y, z, voxels.inverse))
         known += voxels.counts[slot] >= least and is_known(voxels, slot, viewer)
         distance = abs(distance_from_plane(voxels, slot, x, y, z, viewer))
         planar += isfinite(distance)

@@ -10,7 +10,6 @@ import math
 import numpy as np
 
 from wayproof.harness.estimator_config import EstimateConfig
-from wayproof.harness.estimators import Kept
 from wayproof.harness.estimators.line_map import LineMap
 from wayproof.harness.estimators.matrices import diagonalize, projected
 from wayproof.harness.estimators.motion_filter import MotionFilter
@@ -21,6 +20,7 @@ from wayproof.harness.estimators.surface_map import Registration, SurfaceMap, th
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.models.arrays import Array
 from wayproof.models.pose_model import ERROR_STEP, PoseError
+from wayproof.models.snapshot import Kept
 
 FIRST_RESIDUAL = 0.01
 """Standard deviation of the distances of points from planes before the first registration, m."""

@@ -31,6 +31,7 @@ from wayproof.harness.estimators.surface_map import (
     NO_PRIOR,
     Registration,
     SurfaceMap,
+    not_aligned,
     unregistered,
 )
 from wayproof.harness.estimators.voxels import FLATNESS
@@ -88,7 +89,7 @@ class LineMap(SurfaceMap):
         Those in voxels without a line count here: where noise hides the lines, scans that were
         mapped where the wheels put them would make some by chance.
         """
-        known = count_on_planes(points, viewer, self._inverse, self.voxels, LINE_POINTS)[2]
+        known = count_on_planes(points, viewer, self.voxels, LINE_POINTS)[2]
         return known >= 2 * LEAST_INLIERS and not registered  # two points for each beam
 
     def register(
@@ -111,7 +112,7 @@ class LineMap(SurfaceMap):
         offsets = points - predicted
         weight = NO_PRIOR if prior is None else prior
         found = self._aligned(offsets, predicted, weight, self._share, CHANCE)
-        known = count_on_planes(points, predicted, self._inverse, self.voxels, LINE_POINTS)[2]
+        known = count_on_planes(points, predicted, self.voxels, LINE_POINTS)[2]
         registered = math.isfinite(found.deviation)
         if not registered and known < LEAST_INLIERS:
             return found
@@ -141,7 +142,6 @@ class LineMap(SurfaceMap):
         best, count = search_start(
             offsets,
             predicted,
-            self._inverse,
             SEARCH_SHIFT,
             shifts,
             SEARCH_TURN,
@@ -155,7 +155,7 @@ class LineMap(SurfaceMap):
             return unregistered()
         x, y, turn = start.tolist()
         there = predicted + np.array([x, y, 0.0])
-        chance = min(1.0, 2.0 * NEAR * self._inverse)
+        chance = min(1.0, 2.0 * NEAR * self.voxels.inverse)
         deviations = math.sqrt(2.0 * math.log(count))
         turned = _turned(offsets, turn)
         found = self._aligned(turned, there, NO_PRIOR, chance, deviations)
@@ -170,7 +170,7 @@ class LineMap(SurfaceMap):
         """Score of an aligned scan, as of `score_of`."""
         c, s = math.cos(float(correction[3])), math.sin(float(correction[3]))
         there = predicted + correction[:3]
-        return score_of(offsets, there, c, s, self._inverse, self.voxels, OFF)
+        return score_of(offsets, there, c, s, self.voxels, OFF)
 
     def _aligned(
         self, offsets: Array, predicted: Array, prior: Array, share: float, deviations: float
@@ -184,27 +184,18 @@ class LineMap(SurfaceMap):
             share: Share of the points in voxels with a line that has to agree with it.
             deviations: Standard deviations of a binomial count that have to be on top.
         """
-        correction, information, axes = np.empty(4), np.empty(3), np.empty((3, 3))
-        inliers, _, _ = align(
-            offsets,
-            predicted,
-            self._inverse,
-            self._held,
-            prior,
-            self.voxels,
-            correction,
-            information,
-            axes,
-        )
+        aligned = not_aligned()
+        correction = aligned.correction
+        inliers, _, _ = align(offsets, predicted, self._held, prior, self.voxels, aligned)
         if inliers < LEAST_INLIERS:
             return unregistered(inliers)
         there = predicted + correction[:3]
         points = _turned(offsets, float(correction[3])) + there
-        near, on_lines, _ = count_on_planes(points, there, self._inverse, self.voxels, LINE_POINTS)
+        near, on_lines, _ = count_on_planes(points, there, self.voxels, LINE_POINTS)
         least = share * on_lines + deviations * math.sqrt(share * (1.0 - share) * on_lines)
         if on_lines < LEAST_INLIERS or near < least:
             return unregistered(inliers)
-        found = self._examined(offsets, predicted, correction, information, axes, inliers)
+        found = self._examined(offsets, predicted, aligned, inliers)
         return found if found.deviation <= FLATNESS else unregistered(inliers)
 
 

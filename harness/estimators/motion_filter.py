@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 from wayproof.harness.estimator_config import EstimateConfig
-from wayproof.harness.estimators import Kept
 from wayproof.harness.estimators.matrices import inverse, product
 from wayproof.models.arrays import Array
+from wayproof.models.snapshot import Kept
 
 GYRO_CORRELATION_S = 10.0
 """Time for which the gyroscope's bias counts as one error of the heading, s."""

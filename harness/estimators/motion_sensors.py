@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.estimator_config import EstimateConfig
-from wayproof.harness.estimators import Kept
 from wayproof.harness.perturbations import UNPERTURBED, Perturbation
 from wayproof.harness.perturbations.inertial_bias import InertialBias
 from wayproof.models.arrays import Array
 from wayproof.models.poses import rotation_matrices
 from wayproof.models.random_streams import stream
+from wayproof.models.snapshot import Kept
 
 DRAW_BLOCK = 128
 """Number of measurements whose random numbers come from one generator, which takes 30 us to make.

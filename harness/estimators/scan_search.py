@@ -23,7 +23,6 @@ from wayproof.models.arrays import Array
 def search_start(
     offsets: Array,
     predicted: Array,
-    inverse: float,
     shift: float,
     shifts: int,
     turn: float,
@@ -40,7 +39,6 @@ def search_start(
     Args:
         offsets: As of `align`.
         predicted: As of `align`.
-        inverse: As of `align`.
         shift: Step of the shift along x and y, m.
         shifts: Number of steps to either side.
         turn: Step of the turn about the vertical, rad.
@@ -56,7 +54,7 @@ def search_start(
     most, fewest, count = least - 1, 0, 0
     scores = np.empty((2 * shifts + 1, 2 * shifts + 1), np.int64)
     for k in range(-turns, turns + 1):
-        score_shifts(offsets, predicted, k * turn, inverse, shift, voxels, off, scores)
+        score_shifts(offsets, predicted, k * turn, shift, voxels, off, scores)
         for i in range(-shifts, shifts + 1):
             for j in range(-shifts, shifts + 1):
                 score, steps = scores[i + shifts, j + shifts], abs(i) + abs(j) + abs(k)
@@ -72,7 +70,6 @@ def score_shifts(
     offsets: Array,
     predicted: Array,
     turn: float,
-    inverse: float,
     shift: float,
     voxels: Voxels,
     off: int,
@@ -86,7 +83,6 @@ def score_shifts(
         offsets: As of `align`.
         predicted: As of `align`.
         turn: Turn of the points about the vertical, rad.
-        inverse: As of `align`.
         shift: Step of the shift, m.
         voxels: The map.
         off: As of `score_of`.
@@ -94,6 +90,7 @@ def score_shifts(
     """
     scores[:] = 0
     n, viewer, c, s = len(scores), predicted.copy(), cos(turn), sin(turn)
+    inverse = voxels.inverse
     moved = (np.arange(n) - n // 2) * shift
     slots = np.empty(n, np.int64)
     for index in range(len(offsets)):
@@ -104,7 +101,7 @@ def score_shifts(
             x = viewer[0] + c * ox - s * oy
             if floor(x * inverse + 0.5) != column:
                 column = floor(x * inverse + 0.5)
-                planar = find_planes(x, ys, z, inverse, voxels, slots)
+                planar = find_planes(x, ys, z, voxels, slots)
             if not planar:
                 continue
             for j in range(n):
@@ -115,23 +112,20 @@ def score_shifts(
 
 
 @kernel
-def find_planes(
-    x: float, ys: Array, z: float, inverse: float, voxels: Voxels, slots: NDArray[np.int64]
-) -> bool:
+def find_planes(x: float, ys: Array, z: float, voxels: Voxels, slots: NDArray[np.int64]) -> bool:
     """Find the slot of the voxel at each y (n,) m, -1 for one without a plane.
 
     Args:
         x: World, m.
         ys: World, m, in order.
         z: World, m.
-        inverse: As of `align`.
         voxels: The map.
         slots: (n,); written.
 
     Returns:
         Whether any has a plane.
     """
-    row, slot, planar = inf, np.int64(-1), False
+    row, slot, planar, inverse = inf, np.int64(-1), False, voxels.inverse
     for j in range(len(ys)):
         if floor(ys[j] * inverse + 0.5) != row:
             row = floor(ys[j] * inverse + 0.5)
@@ -145,15 +139,7 @@ def find_planes(
 
 
 @kernel
-def score_of(
-    offsets: Array,
-    viewer: Array,
-    c: float,
-    s: float,
-    inverse: float,
-    voxels: Voxels,
-    off: int,
-) -> int:
+def score_of(offsets: Array, viewer: Array, c: float, s: float, voxels: Voxels, off: int) -> int:
     """Count the points that agree with a plane, less `off` times those that lie off one.
 
     Args:
@@ -161,7 +147,6 @@ def score_of(
         viewer: (3,) position of the base, world, m.
         c: Cosine of the turn of the points about the vertical.
         s: Its sine.
-        inverse: One by the edge of a voxel, 1/m.
         voxels: The map.
         off: Weight of a point that lies off the plane of its voxel.
     """
@@ -170,7 +155,7 @@ def score_of(
         ox, oy = offsets[index, 0], offsets[index, 1]
         x, y = viewer[0] + c * ox - s * oy, viewer[1] + s * ox + c * oy
         z = viewer[2] + offsets[index, 2]
-        slot = slot_of(voxels.keys, voxel_key(x, y, z, inverse))
+        slot = slot_of(voxels.keys, voxel_key(x, y, z, voxels.inverse))
         score += worth(distance_from_plane(voxels, slot, x, y, z, viewer), off)
     return score
 

@@ -12,8 +12,8 @@ import math
 import numpy as np
 
 from wayproof.harness.estimator_config import EstimateConfig
-from wayproof.harness.estimators import Kept
 from wayproof.models.arrays import Array
+from wayproof.models.snapshot import Kept
 
 NEWS = 0.3
 """Weight of the last correction in the mean of them: three scans of five in a second count."""

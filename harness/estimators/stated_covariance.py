@@ -20,11 +20,11 @@ import math
 import numpy as np
 
 from wayproof.harness.estimator_config import EstimateConfig
-from wayproof.harness.estimators import Kept
 from wayproof.harness.estimators.alignment import FIXED
 from wayproof.harness.estimators.matrices import inverse, projected
 from wayproof.harness.estimators.surface_map import Registration
 from wayproof.models.arrays import Array
+from wayproof.models.snapshot import Kept
 
 HEADING = 3
 """Row of the heading."""

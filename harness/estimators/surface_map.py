@@ -9,6 +9,7 @@ import numpy as np
 
 from wayproof.harness.estimators.alignment import (
     LEAST_INLIERS,
+    Alignment,
     align,
     count_on_planes,
     examine,
@@ -64,8 +65,8 @@ class SurfaceMap:
             registered_share: Least share of the points in known voxels that agree with a plane; a
                 sweep with less contradicts the map.
         """
-        self._inverse, self._held, self._share = 1.0 / voxel, held, registered_share
-        self.voxels = _table(SLOTS)
+        self._held, self._share = held, registered_share
+        self.voxels = _table(SLOTS, 1.0 / voxel)
         self.count = 0
         self.sweeps = 0
 
@@ -73,7 +74,7 @@ class SurfaceMap:
         """Add the points (n, 3) of a sweep, seen from `viewer` (3,), world, m."""
         while self.count + len(points) > FULL * len(self.voxels.keys):
             self._double()
-        self.count += add_points(points, viewer, self._inverse, self.voxels, self.sweeps)
+        self.count += add_points(points, viewer, self.voxels, self.sweeps)
         self.sweeps += 1
 
     def contradicts(self, points: Array, viewer: Array, registered: bool = False) -> bool:
@@ -84,7 +85,7 @@ class SurfaceMap:
             viewer: (3,) from where they were seen, m.
             registered: Whether the sweep was registered; it is judged anew all the same.
         """
-        near, _, known = count_on_planes(points, viewer, self._inverse, self.voxels, LEAST_POINTS)
+        near, _, known = count_on_planes(points, viewer, self.voxels, LEAST_POINTS)
         return known >= LEAST_INLIERS and near < self._least_near(known)
 
     def register(
@@ -102,46 +103,23 @@ class SurfaceMap:
             prior: (4, 4) as of `align`; if none, the predicted heading counts a little.
             reach: Greatest error of the prediction, m and rad, where a map searches.
         """
-        correction, information, axes = np.empty(4), np.empty(3), np.empty((3, 3))
-        offsets = points - predicted
-        inliers, near, known = align(
-            offsets,
-            predicted,
-            self._inverse,
-            self._held,
-            NO_PRIOR if prior is None else prior,
-            self.voxels,
-            correction,
-            information,
-            axes,
-        )
+        offsets, found = points - predicted, not_aligned()
+        prior = NO_PRIOR if prior is None else prior
+        inliers, near, known = align(offsets, predicted, self._held, prior, self.voxels, found)
         if inliers < LEAST_INLIERS or near < self._least_near(known):
             return unregistered(inliers)
-        return self._examined(offsets, predicted, correction, information, axes, inliers)
+        return self._examined(offsets, predicted, found, inliers)
 
     def _examined(
-        self,
-        offsets: Array,
-        predicted: Array,
-        correction: Array,
-        information: Array,
-        axes: Array,
-        inliers: int,
+        self, offsets: Array, predicted: Array, found: Alignment, inliers: int
     ) -> Registration:
         """Return the registration of an aligned sweep, by arguments and results of `align`."""
+        correction, information, axes = found
         unheld = np.ascontiguousarray(axes[:, information < self._held].T)
         distances, shares = np.empty(len(offsets)), np.zeros((self.sweeps, 4))
         moment, scatter = np.empty((4, 4)), np.empty((4, 4))
         count = examine(
-            offsets,
-            predicted,
-            correction,
-            self._inverse,
-            self.voxels,
-            distances,
-            moment,
-            scatter,
-            shares,
+            offsets, predicted, correction, self.voxels, distances, moment, scatter, shares
         )
         if count == 0:
             return unregistered(inliers)
@@ -163,10 +141,10 @@ class SurfaceMap:
 
     def _double(self) -> None:
         old = self.voxels
-        self.voxels = _table(2 * len(old.keys))
+        self.voxels = _table(2 * len(old.keys), old.inverse)
         for slot in np.flatnonzero(old.keys != EMPTY).tolist():
             new = slot_of(self.voxels.keys, old.keys[slot])
-            for was, now in zip(old, self.voxels, strict=True):
+            for was, now in zip(old[:-1], self.voxels[:-1], strict=True):
                 now[new] = was[slot]
 
 
@@ -190,7 +168,12 @@ def thinned(points: Array, spacing: float) -> Array:
     return kept
 
 
-def _table(slots: int) -> Voxels:
+def not_aligned() -> Alignment:
+    """Return an alignment to be written."""
+    return Alignment(np.empty(4), np.empty(3), np.empty((3, 3)))
+
+
+def _table(slots: int, inverse: float) -> Voxels:
     return Voxels(
         keys=np.full(slots, EMPTY, np.int64),
         counts=np.zeros(slots, np.int64),
@@ -198,6 +181,7 @@ def _table(slots: int) -> Voxels:
         squares=np.zeros((slots, 6)),
         planes=np.zeros((slots, 4)),
         sweeps=np.zeros(slots, np.int64),
+        inverse=inverse,
     )
 
 

@@ -47,6 +47,7 @@ class Voxels(NamedTuple):
             plane.
         sweeps: (m,) number of the sweep that they are by: the one that brought `LEAST_POINTS`, or
             the latest that doubled them.
+        inverse: One by the edge of a voxel, 1/m.
     """
 
     keys: NDArray[np.int64]
@@ -55,6 +56,7 @@ class Voxels(NamedTuple):
     squares: Array
     planes: Array
     sweeps: NDArray[np.int64]
+    inverse: float
 
 
 @kernel
@@ -83,7 +85,7 @@ def slot_of(keys: NDArray[np.int64], key: np.int64) -> np.int64:
 
 
 @kernel
-def add_points(points: Array, viewer: Array, inverse: float, voxels: Voxels, sweep: int) -> int:
+def add_points(points: Array, viewer: Array, voxels: Voxels, sweep: int) -> int:
     """Add points to the voxels that they lie in, and fit the planes of these again.
 
     Points seen from behind a plane are those of the other face of a thin wall, and left out.
@@ -91,7 +93,6 @@ def add_points(points: Array, viewer: Array, inverse: float, voxels: Voxels, swe
     Args:
         points: (n, 3) world, m.
         viewer: (3,) from where they were seen, world, m.
-        inverse: One by the edge of a voxel, 1/m.
         voxels: Map with at least n empty slots; written.
         sweep: Its number.
 
@@ -101,7 +102,7 @@ def add_points(points: Array, viewer: Array, inverse: float, voxels: Voxels, swe
     new = 0
     for index in range(len(points)):
         x, y, z = points[index, 0], points[index, 1], points[index, 2]
-        key = voxel_key(x, y, z, inverse)
+        key = voxel_key(x, y, z, voxels.inverse)
         slot = slot_of(voxels.keys, key)
         if voxels.keys[slot] == EMPTY:
             voxels.keys[slot] = key

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 from wayproof.harness.estimators import alignment, matrices, scan_search, voxels
 from wayproof.harness.estimators.alignment import SCALE, align, count_on_planes
 from wayproof.harness.estimators.matrices import diagonalize, solve
-from wayproof.harness.estimators.surface_map import SurfaceMap, thinned
+from wayproof.harness.estimators.surface_map import SurfaceMap, not_aligned, thinned
 from wayproof.harness.estimators.voxels import add_points, fit_plane, slot_of, voxel_key
 
 
@@ -187,7 +187,7 @@ def test_points_are_counted_by_what_is_known_of_their_voxels(python_versions):
         known += 1
         near += normal[3] == 1.0 and abs(normal[:3] @ (point - mean)) <= alignment.NEAR
     assert 50 < near < known < len(sweep)
-    arguments = sweep, np.zeros(3), 2.0, surfaces.voxels, voxels.LEAST_POINTS
+    arguments = sweep, np.zeros(3), surfaces.voxels, voxels.LEAST_POINTS
     assert count_on_planes(*arguments)[::2] == (near, known)
     python_versions()
     assert alignment.count_on_planes(*arguments)[::2] == (near, known)
@@ -235,12 +235,11 @@ def test_compiled_and_interpreted_alignment_give_the_same_bits(python_versions):
     predicted = np.array([0.03, 0.02, 0.0])
     sweep = room(300, seed=5) + predicted
     prior = np.diag([0.1, 0.2, 0.3, 0.4])
-    compiled = [np.empty(4), np.empty(3), np.empty((3, 3))]
-    counts = align(sweep - predicted, predicted, 2.0, 0.04, prior, surfaces.voxels, *compiled)
+    compiled, again = not_aligned(), not_aligned()
+    counts = align(sweep - predicted, predicted, 0.04, prior, surfaces.voxels, compiled)
     python_versions()
-    again = [np.empty(4), np.empty(3), np.empty((3, 3))]
     assert counts == alignment.align(
-        sweep - predicted, predicted, 2.0, 0.04, prior, surfaces.voxels, *again
+        sweep - predicted, predicted, 0.04, prior, surfaces.voxels, again
     )
     for one, other in zip(compiled, again, strict=True):
         np.testing.assert_array_equal(one, other)
@@ -252,9 +251,9 @@ def test_compiled_and_interpreted_maps_hold_the_same_bits(python_versions):
         SurfaceMap(0.5, held=0.04, registered_share=0.0),
     )
     points = room(500)
-    assert add_points(points, np.zeros(3), 2.0, compiled.voxels, 3) > 0
+    assert add_points(points, np.zeros(3), compiled.voxels, 3) > 0
     python_versions()
-    voxels.add_points(points, np.zeros(3), 2.0, again.voxels, 3)
+    voxels.add_points(points, np.zeros(3), again.voxels, 3)
     for one, other in zip(compiled.voxels, again.voxels, strict=True):
         np.testing.assert_array_equal(one, other)
 
@@ -300,7 +299,7 @@ def test_compiled_and_interpreted_examination_give_the_same_bits(python_versions
 
     def examined(kernel):
         results = [np.zeros(300), np.empty((4, 4)), np.empty((4, 4)), np.zeros((1, 4))]
-        count = kernel(sweep, np.zeros(3), correction, 2.0, surfaces.voxels, *results)
+        count = kernel(sweep, np.zeros(3), correction, surfaces.voxels, *results)
         return count, *results
 
     compiled = examined(alignment.examine)

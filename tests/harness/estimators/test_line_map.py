@@ -287,10 +287,10 @@ def test_counting_and_search_are_as_written_naively(monkeypatch):
                 if (score, -steps) > best[:2]:
                     best = (score, -steps, (0.1 * i, 0.1 * j, 0.2 * k))
     least, at_first = best[0] - 5, counted[0] - 2 * (counted[1] - counted[0])
-    arguments = (offsets, viewer, 1.0 / VOXEL, 0.1, 1, 0.2, 1, lines.voxels, 2)
-    there = (offsets, viewer, 1.0, 0.0, 1.0 / VOXEL, lines.voxels, 2)
+    arguments = (offsets, viewer, 0.1, 1, 0.2, 1, lines.voxels, 2)
+    there = (offsets, viewer, 1.0, 0.0, lines.voxels, 2)
     start, again, none = np.empty(3), np.empty(3), np.zeros(3)
-    assert count_on_planes(points, viewer, 1.0 / VOXEL, lines.voxels, LINE_POINTS) == counted
+    assert count_on_planes(points, viewer, lines.voxels, LINE_POINTS) == counted
     assert search_start(*arguments, least, start) == (best[0], 27)
     assert search_start(*arguments, best[0] + 1, none) == (best[0], 27)
     assert score_of(*there) == at_first
@@ -298,10 +298,7 @@ def test_counting_and_search_are_as_written_naively(monkeypatch):
     assert (none == 0.0).all()
     with np.errstate(over="ignore"):
         replace_all(monkeypatch)
-        assert (
-            alignment.count_on_planes(points, viewer, 1.0 / VOXEL, lines.voxels, LINE_POINTS)
-            == counted
-        )
+        assert alignment.count_on_planes(points, viewer, lines.voxels, LINE_POINTS) == counted
         assert scan_search.search_start(*arguments, least, again) == (best[0], 27)
         assert scan_search.score_of(*there) == at_first
     assert np.array_equal(start, again)
