@@ -26,8 +26,8 @@ from wayproof.harness.recompute.moments import Moment, Observer
 from wayproof.harness.result import Outcome, Result
 from wayproof.harness.scenario.scenario import Scenario
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.sim.recorder import Recorder
 from wayproof.harness.sim.injector import PerturbationInjector
+from wayproof.harness.sim.recorder import Recorder
 from wayproof.harness.sim.sensing import Sensors
 from wayproof.harness.sim.simulation import Simulation
 from wayproof.harness.sim.snapshot import Stateful, restore_parts

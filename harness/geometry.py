@@ -1,4 +1,4 @@
-"""Angles, yaw and polyline lengths, rounded alike on every processor."""
+"""Angles, yaw and polyline lengths, rounded alike on every processor; boxes of cells."""
 
 from __future__ import annotations
 
@@ -32,3 +32,13 @@ def yaw_of_quaternion(quaternion: Array) -> float:
 def polyline_length(points: Array) -> float:
     """Return the length of a polyline (n, d), m; 0 for less than two points."""
     return float(np.sqrt(np.square(np.diff(points, axis=0)).sum(axis=1)).sum())
+
+
+def least_box(held: NDArray[np.bool_]) -> tuple[slice, ...]:
+    """Return the least box of a grid with all cells that are held; one cell without any."""
+    parts = []
+    for axis in range(held.ndim):
+        others = tuple(other for other in range(held.ndim) if other != axis)
+        some = np.flatnonzero(held.any(axis=others))
+        parts.append(slice(int(some[0]), int(some[-1]) + 1) if len(some) else slice(0, 1))
+    return tuple(parts)

@@ -10,6 +10,7 @@ import zstandard
 from numpy.typing import NDArray
 
 from wayproof.harness.errors import InputError
+from wayproof.harness.geometry import least_box
 from wayproof.harness.prediction.predictor import MapBox
 from wayproof.harness.schema import wayproof_pb2 as pb
 
@@ -87,7 +88,7 @@ def prediction_message(
     kept = np.where(box.unmeasured(answer.shape)[there], answer, np.int8(0))
     if not kept.any():
         return message
-    within = _opinion(kept)
+    within = least_box(kept != 0)
     cut = np.ascontiguousarray(kept[within])
     low = [part.start + more for part, more in zip(within, offset, strict=False)]
     corner = np.add(box.window.first, [*low, 0][:3])
@@ -136,13 +137,3 @@ def read_prediction(message: pb.Prediction) -> PredictedBox | None:
         raise InputError(f"{what}: {error}") from None
     x, y, z = first
     return PredictedBox((x, y, z), np.frombuffer(data, np.int8).reshape(shape))
-
-
-def _opinion(log_odds: NDArray[np.int8]) -> tuple[slice, ...]:
-    """Return the least box that holds all that is not 0; there is some."""
-    parts = []
-    for axis in range(log_odds.ndim):
-        others = tuple(other for other in range(log_odds.ndim) if other != axis)
-        held = np.flatnonzero(log_odds.any(axis=others))
-        parts.append(slice(int(held[0]), int(held[-1]) + 1))
-    return tuple(parts)

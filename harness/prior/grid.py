@@ -94,8 +94,11 @@ def resampled(grid: Grid, placement: Placement, window: Window) -> States:
 def _extruded(grid: Grid, placement: Placement, window: Window) -> States:
     """Return the states of a flat map's columns, from the floor to the height of its walls."""
     assert grid.height is not None
-    nz = window.shape[2]
-    states = _plane_states(grid, placement, window)
+    (nx, ny, nz), size = window.shape, window.resolution
+    flat = Window(size, (*window.first[:2], 0), (nx, ny, 1))
+    middle = flat.origin[2] + 0.5 * size - 0.5 * grid.resolution  # the one layer is in its midst
+    bare = Grid(grid.states, np.array([*grid.origin[:2], middle]), grid.resolution)
+    states = resampled(bare, placement._replace(z=0.0), flat)[:, :, 0]
     floor = FLOOR_LAYER + round(placement.z / window.resolution) - window.first[2]
     top = floor + math.ceil(grid.height / window.resolution)
     columns = np.zeros(window.shape, np.uint8)
@@ -104,23 +107,6 @@ def _extruded(grid: Grid, placement: Placement, window: Window) -> States:
     if 0 <= floor < nz:
         columns[:, :, floor] = np.where(states == UNKNOWN, UNKNOWN, OCCUPIED)
     return columns
-
-
-def _plane_states(grid: Grid, placement: Placement, window: Window) -> States:
-    """Return the states (nx, ny) of the columns of a window by a flat map."""
-    nx, ny, _ = window.shape
-    size, corner = window.resolution, window.origin[:2]
-    level = Placement(placement.x, placement.y, 0.0, placement.yaw)
-    flat = Grid(grid.states, np.array([*grid.origin[:2], 0.0]), grid.resolution)
-    x, y = np.meshgrid(*((np.arange(n) + 0.5) * size for n in (nx, ny)), indexing="ij")
-    middle = np.full_like(x, 0.5 * grid.resolution)
-    points = np.stack([corner[0] + x, corner[1] + y, middle], axis=-1).reshape(-1, 3)
-    states = _at(flat, _into_grid(points, level)).reshape(nx, ny)
-    centres = _out_of_grid(_centres(flat, OCCUPIED), level)[:, :2]
-    cells = np.floor((centres - corner) / size).astype(np.int64)
-    inside = ((cells >= 0) & (cells < (nx, ny))).all(axis=1)
-    states[tuple(cells[inside].T)] = OCCUPIED
-    return states
 
 
 def _turn(yaw: float) -> tuple[float, float]:
@@ -158,14 +144,3 @@ def _out_of_grid(points: Array, placement: Placement) -> Array:
         [placement.x + c * x - s * y, placement.y + s * x + c * y, placement.z + points[:, 2]],
         axis=1,
     )
-
-
-def known_box(states: States) -> tuple[slice, slice, slice]:
-    """Return the least box of a grid with all known cells; one unknown cell without any."""
-    known = states != UNKNOWN
-    box = []
-    for axis in range(3):
-        others = tuple(other for other in range(3) if other != axis)
-        held = np.flatnonzero(known.any(axis=others))
-        box.append(slice(int(held[0]), int(held[-1]) + 1) if len(held) else slice(0, 1))
-    return box[0], box[1], box[2]

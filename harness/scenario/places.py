@@ -113,7 +113,7 @@ def route_between(
     extent = np.subtract(world.high[:2], world.low[:2])
     cells = math.prod(np.rint(extent / RESOLUTION).tolist())
     if cells <= MOST_CELLS:
-        return shortest_path_length(world, radius, *band, begin, end)
+        return shortest_path_length(world, radius, band, begin, end)
     wide = math.ceil(math.sqrt(cells / MOST_SEARCHED))
     field = _all_free(free_cells(world, radius, band), wide).astype(np.uint16)[:, :, None]
     size = wide * RESOLUTION

@@ -12,17 +12,18 @@ import numpy as np
 
 from wayproof.harness.config import HASH_SEPARATOR, Config
 from wayproof.harness.errors import InputError, unknown_name
+from wayproof.harness.geometry import least_box
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.perturbations import UNPERTURBED
 from wayproof.harness.perturbations.perturbation import Misplacement
 from wayproof.harness.prior.cells import PriorCells, packed
-from wayproof.harness.prior.grid import Grid, Placement, States, known_box, resampled
+from wayproof.harness.prior.grid import Grid, Placement, States, resampled
 from wayproof.harness.prior.of_world import grid_of_world, splat_of_world
 from wayproof.harness.prior.splats import poll, read_splat, states_by
 from wayproof.harness.prior.spz import read_spz
 from wayproof.harness.prior_config import MADE_OF_WORLD, NO_PRIOR, SPLAT, TRUTH, PriorConfig
 from wayproof.harness.stack.mapping import Mapper
-from wayproof.maps import FREE, OCCUPIED, VoxelMap
+from wayproof.maps import FREE, OCCUPIED, UNKNOWN, VoxelMap
 from wayproof.maps.columns import WORD_BITS, ColumnMap, Window, unpack
 from wayproof.maps.voxel.bricks import BELOW, BRICK_SHAPE
 from wayproof.models.world_files import read_world_file
@@ -71,9 +72,8 @@ def with_prior(config: Config, world: World) -> Config:
     placed = _placed(prior, world, perturbation.misplacement(config.seed))
     window = Window.covering(world.low, world.high, config.map.resolution)
     states, source = _states(config, shown, placed, window)
-    box = known_box(states)
-    low = np.add(window.first, [part.start for part in box])
-    x, y, z = low.tolist()
+    box = least_box(states != UNKNOWN)
+    x, y, z = np.add(window.first, [part.start for part in box]).tolist()
     cells = PriorCells(window.resolution, (x, y, z), states[box])
     if not any(cells.counts().values()):
         raise InputError(

@@ -19,8 +19,8 @@ from wayproof.models.robots.custom import (
     parse_spec,
     read_robot,
 )
+from wayproof.models.robots.custom.spec_file import read_spec_text
 from wayproof.models.robots.robot import ROBOT_PREFIX
-from wayproof.models.world_files.reading import read_text
 from wayproof.models.worlds import World
 
 EXAMPLES = Path(custom.__file__).parent / "examples"
@@ -28,9 +28,6 @@ EXAMPLES = Path(custom.__file__).parent / "examples"
 
 ENDING = ".toml"
 """Suffix of a spec file, given in place of a robot's name."""
-
-MAX_SPEC_BYTES = 2**20
-"""Maximum size of a spec file, bytes."""
 
 
 def find_robot(config: Config) -> Robot:
@@ -103,7 +100,7 @@ def controller_of(name: str) -> str:
     if not name.endswith(ENDING):
         return ""
     try:
-        return parse_spec(read_text(Path(name), MAX_SPEC_BYTES)).controller
+        return parse_spec(read_spec_text(Path(name))).controller
     except ValueError:
         return ""  # reported when the robot is read
 
@@ -142,9 +139,9 @@ def warm_up_robot(config: Config) -> None:
         ROBOTS[config.robot].warm_up()
         return
     try:
-        text = config.robot_file or Path(config.robot).read_text(encoding="utf-8")
+        text = config.robot_file or read_spec_text(Path(config.robot))
         kind = CONTROLLERS.get(parse_spec(text).controller)
-    except (OSError, UnicodeDecodeError, RobotSpecError):
+    except RobotSpecError:
         return  # reported when the episode is built
     if kind is not None:
         kind.warm_up()

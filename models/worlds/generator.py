@@ -44,8 +44,8 @@ def generated(draft: Draft) -> Callable[..., World]:
             rng = np.random.default_rng([seed, attempt, *name.encode()])
             world = draft(rng, difficulty, parameters)
             ends = (world.start, world.goal)
-            if is_solvable(world, radius, *GROUND_BAND, *ends) and any(
-                is_solvable(world, radius, *band, *ends) for band in AIR_BANDS
+            if is_solvable(world, radius, GROUND_BAND, *ends) and any(
+                is_solvable(world, radius, band, *ends) for band in AIR_BANDS
             ):
                 world = replace(world, name=name, seed=seed, difficulty=difficulty)
                 return replace(world, passage_radius=radius)

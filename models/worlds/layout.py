@@ -220,7 +220,7 @@ def with_groups(
         furnishing it takes seconds.
     """
     least = given_or(radius, TIGHTEST_RADIUS)
-    if not is_solvable(world, least, *GROUND_BAND, world.start, world.goal):
+    if not is_solvable(world, least, GROUND_BAND, world.start, world.goal):
         return world
     radius = given_or(radius, REFERENCE_RADIUS)
     free = free_cells(world, radius, GROUND_BAND)

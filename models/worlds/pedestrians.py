@@ -86,7 +86,7 @@ def _widest_way(world: World) -> NDArray[np.float64] | None:
     """Return the shortest way for the reference disc, or for one that is less wide."""
     radii = (passage_radius(world.difficulty), *NARROWER)
     for radius in radii:
-        way = shortest_path(world, radius, *GROUND_BAND, world.start, world.goal)
+        way = shortest_path(world, radius, GROUND_BAND, world.start, world.goal)
         if way is not None:
             return way
     return None

@@ -40,59 +40,42 @@ LOWEST_FLIGHT = 0.2
 """Lower end of a height band below which a body needs floor under it, m."""
 
 
-def is_solvable(
-    world: World,
-    radius: float,
-    band_low: float,
-    band_high: float,
-    start: ArrayLike,
-    goal: ArrayLike,
-) -> bool:
+def is_solvable(world: World, radius: float, band: Band, start: ArrayLike, goal: ArrayLike) -> bool:
     """Return whether an upright cylinder can move from start to goal without touching a solid.
 
     Args:
         world: Truth.
         radius: Radius of the cylinder, m.
-        band_low: Solids that end at or below this height are stepped or flown over, m.
-        band_high: Solids that begin at or above this height are passed under, m.
+        band: Heights of the cylinder, m: solids that end at or below the lower one are stepped or
+            flown over, those that begin at or above the upper one are passed under.
         start: (2,) or (3,) world frame, m; z is ignored.
         goal: (2,) or (3,) world frame, m; z is ignored.
     """
-    free = free_cells(world, radius, (band_low, band_high))
+    free = free_cells(world, radius, band)
     labels = label_regions(free)
     start_label = labels[cell_of(world, start)]
     return bool(start_label > 0 and start_label == labels[cell_of(world, goal)])
 
 
 def shortest_path_length(
-    world: World,
-    radius: float,
-    band_low: float,
-    band_high: float,
-    start: ArrayLike,
-    goal: ArrayLike,
+    world: World, radius: float, band: Band, start: ArrayLike, goal: ArrayLike
 ) -> float | None:
     """Return the length of the shortest way in the plane, m, or None when there is none.
 
     The 8-connected grid path (Dijkstra), pulled taut through free cells: without that a straight
     line at 22.5 degrees would count 8 % too long. Arguments as for `is_solvable`.
     """
-    way = shortest_path(world, radius, band_low, band_high, start, goal)
+    way = shortest_path(world, radius, band, start, goal)
     if way is None:
         return None
     return float(np.sqrt(np.square(np.diff(way, axis=0)).sum(axis=1)).sum())
 
 
 def shortest_path(
-    world: World,
-    radius: float,
-    band_low: float,
-    band_high: float,
-    start: ArrayLike,
-    goal: ArrayLike,
+    world: World, radius: float, band: Band, start: ArrayLike, goal: ArrayLike
 ) -> NDArray[np.float64] | None:  # (n, 2)
     """Return the corners of that way, both ends included, m; None when there is none."""
-    free = free_cells(world, radius, (band_low, band_high))
+    free = free_cells(world, radius, band)
     cells = _grid_path(free, cell_of(world, start), cell_of(world, goal))
     if cells is None:
         return None

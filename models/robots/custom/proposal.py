@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import msgspec
 import mujoco
@@ -13,7 +13,7 @@ from wayproof.models.robots.custom.legged import legged_mjcf
 from wayproof.models.robots.custom.robot import read_robot
 from wayproof.models.robots.custom.rotorcraft import find_rotors, propose_craft
 from wayproof.models.robots.custom.source import RobotSpecError, find_mjcf, open_source
-from wayproof.models.robots.custom.spec_file import SpecFile, parse_spec
+from wayproof.models.robots.custom.spec_file import SpecFile, parse_spec, read_spec_text
 from wayproof.models.robots.custom.walker import (
     LIMITS,
     ROOM,
@@ -22,7 +22,6 @@ from wayproof.models.robots.custom.walker import (
     stride_findings,
     walked,
 )
-from wayproof.models.world_files.reading import WorldFileError, read_text
 
 
 class Proposal(NamedTuple):
@@ -38,39 +37,29 @@ class Proposal(NamedTuple):
 
     def toml(self) -> str:
         """Return the spec file's text, with the notes as comments."""
-        spec = self.spec
-        lines = [f"# {note}" for note in self.notes]
-        lines += [
-            f'name = "{spec.name}"', f'mjcf = "{spec.mjcf}"', f'base = "{spec.base}"',
-            f'controller = "{spec.controller}"',
-        ]  # fmt: skip
-        for name in ("feet", "rotors"):
-            if (names := getattr(spec, name)) is not None:
-                lines.append(f"{name} = [{', '.join(chr(34) + one + chr(34) for one in names)}]")
-        lines.append(f"radius = {spec.radius:g}")
-        if spec.discs:
-            discs = ", ".join(f"[{offset:g}, {radius:g}]" for offset, radius in spec.discs)
-            lines.append(f"discs = [{discs}]")
-        lines.append(f"height = {spec.height:g}")
-        if spec.stance is not None:
-            lines.append(f"stance = {spec.stance:g}")
-        lines += ["", "[limits]"]
-        lines += [
-            f"{name} = {getattr(spec.limits, name):g}"
-            for name in ("speed", "acceleration", "jerk", "yaw_rate", "tilt", "step_height")
-        ]
-        if spec.joints.torque is not None:
-            lines += ["", "[joints]", f"torque = {list(spec.joints.torque)}"]
-        if spec.rotor is not None:
-            rotor = spec.rotor
-            lines += ["", "[rotor]"] + [
-                f"{name} = {getattr(rotor, name):g}"
-                for name in ("radius", "thrust", "yaw_ratio", "lag")
-            ]
-        for sensor in spec.sensors:
-            lines += ["", "[[sensors]]", f'name = "{sensor.name}"', f'device = "{sensor.device}"',
-                      f"position = {[round(n, 4) for n in sensor.position]}"]  # fmt: skip
+        given = msgspec.to_builtins(self.spec)
+        tables = {name: given.pop(name) for name in ("limits", "joints", "rotor")}
+        tables = {f"[{name}]": table or {} for name, table in tables.items()}
+        parts = [*tables.items(), *(("[[sensors]]", one) for one in given.pop("sensors"))]
+        lines = [*(f"# {note}" for note in self.notes), *_rows(given)]
+        for head, table in parts:
+            if rows := _rows(table):
+                lines += ["", head, *rows]
         return "\n".join(lines) + "\n"
+
+
+def _rows(table: dict[str, Any]) -> list[str]:
+    """Return the lines of all that a table states, numbers to six digits."""
+    stated = {name: value for name, value in table.items() if value not in (None, ())}
+    return [f"{name} = {_toml(value)}" for name, value in stated.items()]
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, str):
+        return f'"{value}"'
+    if isinstance(value, float):
+        return f"{value:g}"
+    return f"[{', '.join(map(_toml, value))}]"
 
 
 def propose(named: str, folder: Path) -> Proposal:
@@ -119,10 +108,6 @@ def _base(path: Path) -> str:
     return str(chosen[0].name)
 
 
-MAX_SPEC_BYTES = 2**20
-"""Maximum size of a spec file, bytes."""
-
-
 class Checked(NamedTuple):
     """Result of a check.
 
@@ -148,8 +133,8 @@ def check_spec(path: Path, folder: Path | None = None) -> Checked:
         folder = path.parent if folder is None else folder
         return _proposed([], os.path.relpath(path.resolve(), folder.resolve()), folder)
     try:
-        spec = parse_spec(read_text(path, MAX_SPEC_BYTES))
-    except (RobotSpecError, WorldFileError) as error:
+        spec = parse_spec(read_spec_text(path))
+    except RobotSpecError as error:
         return Checked([str(error)], None, "the spec could not be read")
     wrong = _walking_findings(spec, path.parent) if spec.controller == "trot" else []
     if not wrong:

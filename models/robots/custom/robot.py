@@ -20,14 +20,16 @@ from wayproof.models.robots.custom.rotorcraft import (
     rotorcraft_parameters,
 )
 from wayproof.models.robots.custom.source import RobotSpecError, Source, find_mjcf, open_source
-from wayproof.models.robots.custom.spec_file import CLASS_SEPARATOR, SpecFile, parse_spec
+from wayproof.models.robots.custom.spec_file import (
+    CLASS_SEPARATOR,
+    SpecFile,
+    parse_spec,
+    read_spec_text,
+)
 from wayproof.models.robots.custom.walker import stride_findings, walked
 from wayproof.models.robots.quadrotor import QuadrotorController
 from wayproof.models.robots.quadruped import QuadrupedController
 from wayproof.models.robots.robot import Controller, RobotSpec
-
-MAX_SPEC_BYTES = 2**20
-"""Maximum size of a spec file, bytes."""
 
 START_ALTITUDE = 1.0
 """Altitude at which a flying robot starts, m."""
@@ -159,14 +161,7 @@ def read_robot(path: Path) -> CustomRobot:
     Raises:
         RobotSpecError: One of them cannot be used; the message is one line.
     """
-    if not path.is_file():
-        raise RobotSpecError("no such file")
-    if path.stat().st_size > MAX_SPEC_BYTES:
-        raise RobotSpecError(f"{path.stat().st_size} bytes, expected at most {MAX_SPEC_BYTES}")
-    try:
-        text = path.read_text(encoding="utf-8")
-    except UnicodeDecodeError as error:
-        raise RobotSpecError(f"no UTF-8 text (byte {error.start})") from None
+    text = read_spec_text(path)
     spec = _parse(text)
     source = open_source(find_mjcf(spec.mjcf, path.parent), spec.base, path.parent)
     kind = CONTROLLERS.get(spec.controller)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, Literal
 
 import msgspec
@@ -11,9 +12,13 @@ import msgspec
 from wayproof.models.robots.custom.source import RobotSpecError
 from wayproof.models.sensors.devices import DEVICES, Mount
 from wayproof.models.toml_text import parse_toml
+from wayproof.models.world_files.reading import WorldFileError, read_text
 
 CLASS_SEPARATOR = ":"
 """Separator in the name of the user's own controller, `module:Class`."""
+
+MAX_SPEC_BYTES = 2**20
+"""Maximum size of a spec file, bytes."""
 
 Vector = tuple[float, float, float]
 Four = tuple[str, str, str, str]
@@ -133,6 +138,18 @@ class SpecFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def mounts(self) -> tuple[Mount, ...]:
         """Return the sensors as mounts."""
         return tuple(Mount(s.name, s.name, DEVICES[s.device]) for s in self.sensors)
+
+
+def read_spec_text(path: Path) -> str:
+    """Read the text of a spec file.
+
+    Raises:
+        RobotSpecError: No such file, empty, too large, or no UTF-8.
+    """
+    try:
+        return read_text(path, MAX_SPEC_BYTES)
+    except WorldFileError as error:
+        raise RobotSpecError(str(error).removeprefix(f"{path}: ")) from None
 
 
 def parse_spec(text: str, unused: Mapping[str, Any] | None = None) -> SpecFile:

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from wayproof.harness.prior.grid import UNTURNED, Grid, Placement, known_box, resampled
+from wayproof.harness.geometry import least_box
+from wayproof.harness.prior.grid import UNTURNED, Grid, Placement, resampled
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN
 from wayproof.maps.columns import Window
 
@@ -70,6 +71,6 @@ def test_placements_follow_each_other():
 
 def test_the_known_box_is_the_least_one():
     states = np.zeros((5, 6, 7), np.uint8)
-    assert states[known_box(states)].shape == (1, 1, 1)
+    assert states[least_box(states != 0)].shape == (1, 1, 1)
     states[1, 2, 3] = states[3, 2, 5] = FREE
-    assert known_box(states) == (slice(1, 4), slice(2, 3), slice(3, 6))
+    assert least_box(states != 0) == (slice(1, 4), slice(2, 3), slice(3, 6))

@@ -39,7 +39,7 @@ def test_an_aisle_can_be_reached_and_driven_along(world, seed):
     first, middle, last, home = goals_of(config, made)
     assert home == made.start[:2]
     for begin, end in ((made.start, first), (first, middle), (middle, last), (last, home)):
-        assert is_solvable(made, 0.6, *GROUND_BAND, begin, end)
+        assert is_solvable(made, 0.6, GROUND_BAND, begin, end)
     (x0, y0), (x1, y1) = first, last
     assert abs(x1 - x0) + abs(y1 - y0) > 4.0
     for robot in ("quadruped", "drone"):

@@ -33,9 +33,9 @@ def test_the_reference_bodies_pass_and_the_way_is_of_an_episodes_length(name):
         for difficulty in (0.5, 1.0):
             world = WORLDS[name](seed, difficulty)
             radius, ends = passage_radius(difficulty), (world.start, world.goal)
-            assert is_solvable(world, radius, *GROUND_BAND, *ends)
-            assert any(is_solvable(world, radius, *band, *ends) for band in AIR_BANDS)
-            length = shortest_path_length(world, 0.45, *GROUND_BAND, *ends)
+            assert is_solvable(world, radius, GROUND_BAND, *ends)
+            assert any(is_solvable(world, radius, band, *ends) for band in AIR_BANDS)
+            length = shortest_path_length(world, 0.45, GROUND_BAND, *ends)
             assert hypot(*np.subtract(world.goal, world.start)[:2]) <= length + 1e-9
             assert 5.0 <= length <= 24.0
 
@@ -68,7 +68,7 @@ def test_a_maze_without_loops_has_one_way():
     for (a, b), (c, d) in sides:
         door = Box.between((a - 0.05, b - 0.05, 0.0), (c + 0.05, d + 0.05, 3.0), "wall")
         shut = replace(world, solids=(*world.solids, door))
-        shutting += not is_solvable(shut, 0.3, *GROUND_BAND, *ends)
+        shutting += not is_solvable(shut, 0.3, GROUND_BAND, *ends)
     assert shutting == 1
 
 
@@ -90,7 +90,7 @@ def test_a_site_has_holes_with_barriers_up_to_the_middle_and_without_at_the_end(
             assert bool(posts) == guarded
             assert len(world.floor) > 1
             bare = replace(world, floor=None)
-            assert is_solvable(bare, 0.45, *GROUND_BAND, world.start, world.goal)
+            assert is_solvable(bare, 0.45, GROUND_BAND, world.start, world.goal)
 
 
 def test_slabs_leave_the_holes_and_nothing_else():

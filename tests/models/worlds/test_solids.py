@@ -174,12 +174,12 @@ def test_a_hole_stops_a_walking_body_and_not_a_flying_one():
     )
     ends = ((-8.0, 0.0), (8.0, 0.0))
     holed = world_of(floor=slabs)
-    assert not is_solvable(holed, 0.4, 0.03, 0.5, *ends)
-    assert is_solvable(holed, 0.4, 0.8, 1.6, *ends)
+    assert not is_solvable(holed, 0.4, (0.03, 0.5), *ends)
+    assert is_solvable(holed, 0.4, (0.8, 1.6), *ends)
     bridge = Box.between((-1.0, -0.5, -0.3), (1.0, 0.5, 0.0), "floor")
     bridged = world_of(floor=(*slabs, bridge))
-    assert is_solvable(bridged, 0.4, 0.03, 0.5, *ends)
-    assert not is_solvable(bridged, 0.55, 0.03, 0.5, *ends)
+    assert is_solvable(bridged, 0.4, (0.03, 0.5), *ends)
+    assert not is_solvable(bridged, 0.55, (0.03, 0.5), *ends)
     model, _ = compiled(bridged)
     assert [model.geom(i).name for i in range(model.ngeom)] == ["floor_0", "floor_1", "floor_2"]
 

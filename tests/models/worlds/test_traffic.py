@@ -255,7 +255,7 @@ def test_traffic_crosses_the_way_through_free_space(name):
         assert np.less_equal(points, bare.high).all()
         tail, head = (np.array(point[:2]) for point in person.route)
         line = tail + np.linspace(0.0, 1.0, 200)[:, None] * (head - tail)
-        way = shortest_path(bare, 0.75, *GROUND_BAND, bare.start, bare.goal)
+        way = shortest_path(bare, 0.75, GROUND_BAND, bare.start, bare.goal)
         legs = [a + np.linspace(0.0, 1.0, 200)[:, None] * (b - a) for a, b in pairwise(way)]
         gap = np.linalg.norm(line[:, None] - np.concatenate(legs)[None], axis=2).min()
         assert gap < 0.1  # the two lines meet

@@ -100,7 +100,7 @@ def test_ends_have_room_and_lie_inside(name):
         world = WORLDS[name](seed)
         for point in (world.start, world.goal):
             assert world.contains_obstacle((*point[:2], 0.3), 0.9) is None
-            assert is_solvable(world, 0.9, 0.0, 2.5, point, point)
+            assert is_solvable(world, 0.9, (0.0, 2.5), point, point)
 
 
 @pytest.mark.parametrize("name", WORLDS)
@@ -125,8 +125,8 @@ def test_walls_close_every_world(name):
 def test_the_warehouse_has_the_documented_size_and_ends(seed):
     world = WORLDS["warehouse"](seed)
     ends = (world.start, world.goal)
-    assert is_solvable(world, REFERENCE_RADIUS, *GROUND_BAND, *ends)
-    assert any(is_solvable(world, REFERENCE_RADIUS, *band, *ends) for band in AIR_BANDS)
+    assert is_solvable(world, REFERENCE_RADIUS, GROUND_BAND, *ends)
+    assert any(is_solvable(world, REFERENCE_RADIUS, band, *ends) for band in AIR_BANDS)
     assert 12.0 <= hypot(*np.subtract(world.goal, world.start)[:2]) <= 17.0
     kinds = [box.kind for box in world.solids]
     assert 6 <= kinds.count("crate") <= 12
@@ -149,7 +149,7 @@ def test_the_doorway_is_the_only_way(seed):
         half_extents=(*lintel.half_extents[:2], 1.5),
     )
     shut = replace(world, solids=(*world.solids, door))
-    assert not is_solvable(shut, 0.05, *GROUND_BAND, world.start, world.goal)
+    assert not is_solvable(shut, 0.05, GROUND_BAND, world.start, world.goal)
 
 
 def test_corridor_is_as_wide_as_promised():
@@ -157,9 +157,9 @@ def test_corridor_is_as_wide_as_promised():
         world = WORLDS["corridor"](seed)
         bare = replace(world, solids=tuple(box for box in world.solids if box.kind != "crate"))
         ends = (world.start, world.goal)
-        assert is_solvable(bare, 0.97, *GROUND_BAND, *ends)
-        assert not is_solvable(bare, 1.2, *GROUND_BAND, *ends)
-        length = shortest_path_length(bare, 0.97, *GROUND_BAND, *ends)
+        assert is_solvable(bare, 0.97, GROUND_BAND, *ends)
+        assert not is_solvable(bare, 1.2, GROUND_BAND, *ends)
+        length = shortest_path_length(bare, 0.97, GROUND_BAND, *ends)
         assert length is not None
         assert 12.0 < length < 14.0  # 16 m less two ends of 1.1 m, corners cut a little
 
@@ -168,7 +168,7 @@ def test_empty_is_a_straight_line():
     world = WORLDS["empty"](5)
     straight = hypot(*np.subtract(world.goal, world.start)[:2])
     assert straight >= 6.0
-    length = shortest_path_length(world, 0.5, *GROUND_BAND, world.start, world.goal)
+    length = shortest_path_length(world, 0.5, GROUND_BAND, world.start, world.goal)
     assert length == pytest.approx(straight, abs=1e-9)
 
 
@@ -176,17 +176,17 @@ def test_the_band_decides_which_solids_are_in_the_way():
     wall = Box.between((5.0, 0.0, 0.6), (5.2, 6.0, 1.2), "wall")
     world = room(wall)
     ends = (world.start, world.goal)
-    assert is_solvable(world, 0.3, 0.08, 0.6, *ends)
-    assert not is_solvable(world, 0.3, 0.08, 0.61, *ends)
-    assert is_solvable(world, 0.3, 1.2, 2.0, *ends)
+    assert is_solvable(world, 0.3, (0.08, 0.6), *ends)
+    assert not is_solvable(world, 0.3, (0.08, 0.61), *ends)
+    assert is_solvable(world, 0.3, (1.2, 2.0), *ends)
 
 
 def test_a_gap_lets_narrower_bodies_through_to_a_cell():
     low = Box.between((5.0, 0.0, 0.0), (5.2, 2.5, 1.0), "wall")
     high = Box.between((5.0, 3.5, 0.0), (5.2, 6.0, 1.0), "wall")
     world = room(low, high)
-    assert is_solvable(world, 0.47, 0.1, 0.5, world.start, world.goal)
-    assert not is_solvable(world, 0.50, 0.1, 0.5, world.start, world.goal)
+    assert is_solvable(world, 0.47, (0.1, 0.5), world.start, world.goal)
+    assert not is_solvable(world, 0.50, (0.1, 0.5), world.start, world.goal)
 
 
 def test_shortest_path_round_a_post_is_two_tangents_and_an_arc():
@@ -195,15 +195,15 @@ def test_shortest_path_round_a_post_is_two_tangents_and_an_arc():
     radius, reach = 1.0, 3.0
     tangents = 2.0 * sqrt(reach**2 - radius**2)
     arc = radius * (pi - 2.0 * acos(radius / reach))
-    length = shortest_path_length(world, radius, 0.1, 0.5, world.start, world.goal)
+    length = shortest_path_length(world, radius, (0.1, 0.5), world.start, world.goal)
     assert tangents + arc == pytest.approx(2.0 * sqrt(8.0) + 2.0 * asin(1 / 3))
     assert length == pytest.approx(tangents + arc, rel=0.02)
 
 
 def test_no_path_has_no_length():
     world = room(Box.between((5.0, 0.0, 0.0), (5.2, 6.0, 1.0), "wall"))
-    assert shortest_path_length(world, 0.1, 0.1, 0.5, world.start, world.goal) is None
-    assert shortest_path_length(world, 0.1, 0.1, 0.5, (5.1, 3.0), world.goal) is None
+    assert shortest_path_length(world, 0.1, (0.1, 0.5), world.start, world.goal) is None
+    assert shortest_path_length(world, 0.1, (0.1, 0.5), (5.1, 3.0), world.goal) is None
 
 
 def test_obstacles_are_named_by_exact_distance():
@@ -225,7 +225,7 @@ def test_bad_input_is_refused_in_one_line():
     with pytest.raises(ValueError, match="seed: got -1"):
         WORLDS["warehouse"](-1)
     with pytest.raises(ValueError, match="point: got"):
-        is_solvable(room(), 0.1, 0.0, 1.0, (-1.0, 3.0), (5.0, 3.0))
+        is_solvable(room(), 0.1, (0.0, 1.0), (-1.0, 3.0), (5.0, 3.0))
 
 
 def test_a_draft_that_never_opens_ends_in_an_error():
