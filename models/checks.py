@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -243,47 +243,25 @@ def holds(
 ) -> bool:
     """Return whether a point (3,) in the world is inside a geom; behind a plane counts as inside.
 
-    Meshes are taken as closed surfaces; of a signed distance field nothing is said: False.
+    By parity of crossings along most of three rays: meshes are taken as closed surfaces, and of a
+    signed distance field nothing is said: False.
     """
-    kind = int(model.geom_type[geom])
-    if kind == Geoms.mjGEOM_MESH:
-        return _holds_mesh(model, data, geom, point)
+    kind, size = model.geom_type[geom], model.geom_size[geom]
     R = data.geom_xmat[geom].reshape(3, 3)
     local = R.T @ (point - data.geom_xpos[geom])
-    size = model.geom_size[geom]
+    if kind == Geoms.mjGEOM_PLANE:
+        beside = (size[:2] > 0.0) & (np.abs(local[:2]) >= size[:2])
+        return bool(local[2] < 0.0 and not beside.any())
     if kind == Geoms.mjGEOM_HFIELD:
         size = model.hfield_size[model.geom_dataid[geom]]  # x, y, top, base
         top = data.geom_xpos[geom] + R @ (local[0], local[1], size[2] + 1.0)
         surface = size[2] + 1.0 - distance_to(model, data, geom, top, -R[:, 2])
         return bool((np.abs(local[:2]) < size[:2]).all() and -size[3] < local[2] < surface)
-    return kind in _HOLDS and bool(_HOLDS[kind](local, size))
+    return sum(_crossings(model, data, geom, point, ray) % 2 for ray in SKEW_DIRECTIONS) >= 2
 
-
-Inside = Callable[[NDArray[np.float64], NDArray[np.float64]], bool]
-
-_HOLDS: dict[int, Inside] = {
-    int(Geoms.mjGEOM_PLANE): lambda p, s: bool(
-        p[2] < 0.0 and (s[0] == 0.0 or abs(p[0]) < s[0]) and (s[1] == 0.0 or abs(p[1]) < s[1])
-    ),
-    int(Geoms.mjGEOM_SPHERE): lambda p, s: bool(np.linalg.norm(p) < s[0]),
-    int(Geoms.mjGEOM_CAPSULE): lambda p, s: bool(
-        np.linalg.norm([p[0], p[1], max(abs(p[2]) - s[1], 0.0)]) < s[0]
-    ),
-    int(Geoms.mjGEOM_ELLIPSOID): lambda p, s: bool(np.linalg.norm(p / s) < 1.0),
-    int(Geoms.mjGEOM_CYLINDER): lambda p, s: bool(np.hypot(p[0], p[1]) < s[0] and abs(p[2]) < s[1]),
-    int(Geoms.mjGEOM_BOX): lambda p, s: bool((np.abs(p) < s).all()),
-}
-"""Tests by shape whether a point (3,) in the geom's frame is inside, given the size (3,)."""
 
 SKEW_DIRECTIONS = np.array([[0.48, 0.6, 0.64], [-0.64, 0.48, 0.6], [0.6, -0.64, -0.48]])
 """Directions along no axis, which rarely meet an edge."""
-
-
-def _holds_mesh(
-    model: mujoco.MjModel, data: mujoco.MjData, geom: int, point: NDArray[np.float64]
-) -> bool:
-    """Return whether a point is inside a mesh, by parity of crossings along most of three rays."""
-    return sum(_crossings(model, data, geom, point, ray) % 2 for ray in SKEW_DIRECTIONS) >= 2
 
 
 def _crossings(
