@@ -232,13 +232,6 @@ def test_what_mj_ray_does_not_see_is_not_seen(attributes, seen):
     assert found == by_mj_ray(model, data, origin, np.array([[1.0, 0, 0]]), 10.0, groups)[0]
 
 
-def test_of_equal_hits_the_lower_id_is_told():
-    cube = '<geom type="box" size="{0} {0} {0}" pos="{1} 0 0"/>'
-    model, data = posed(cube.format(2, 4) + cube.format(1, 3))  # faces at x = 2; near bounds alike
-    _, ids = TileCaster(model, ALL, range=10.0).cast(data, SINGLE, np.zeros(3), np.eye(3))
-    assert ids[0] == by_mj_ray(model, data, np.zeros(3), np.array([[1.0, 0, 0]]), 10.0)[1][0] == 0
-
-
 def test_range_ends_what_is_seen():
     model, data = posed('<geom type="box" size="1 1 1" pos="5 0 0"/>')
     for limit, expected in ((4.0, 4.0), (3.999, -1.0)):

@@ -5,17 +5,9 @@ import numpy as np
 import pytest
 
 from tests.models.interpreting import interpret_kernels
-from wayproof.models.rays import TileCaster, cut_grid, cut_scattered
-from wayproof.models.rays.tree import MAX_SORTED_DEPTH, build_tree
-from wayproof.models.sensors.beams import directions as beams_of
-from wayproof.models.sensors.devices import DepthCamera, SpinningLidar, evenly
+from tests.models.rays.cast import ALL
+from wayproof.models.rays import TileCaster, cut_scattered
 
-ALL = np.ones(mujoco.mjNGROUP, np.uint8)
-KEPT = {"range": 30.0, "rate": 10.0, "no_return_is_free": True, "source": "test"}
-LIDAR = SpinningLidar(elevations=evenly(-0.9, 0.9, 13), azimuths=61, **KEPT)
-CAMERA = DepthCamera(
-    height=19, width=29, field_of_view_horizontal=1.2, field_of_view_vertical=1.0, **KEPT
-)
 MESH, HEIGHT_FIELD = mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_HFIELD
 STAR = 24  # points about the axis of the non-convex solid
 
@@ -126,23 +118,6 @@ def test_starts_inside(asset):
         assert_as_mujoco(model, data, origins, directions, 500)
 
 
-def test_a_cube_by_hand():
-    """Axis-parallel rays on axis-parallel faces: no thickness, zero components, shared edges."""
-    spec = mujoco.MjSpec()
-    mesh = spec.add_mesh(name="cube")
-    mesh.make_cone(4, 1.0)  # a prism on a square, whose corners lie on a circle of radius 1
-    add_geom(spec.worldbody, "cube", MESH)
-    model, data = posed(spec)
-    half = np.abs(model.mesh_vert).max(axis=0)
-    for axis in range(3):
-        for sign in (-1.0, 1.0):
-            origin, direction = np.zeros((1, 3)), np.zeros((1, 3))
-            origin[0, axis], direction[0, axis] = -3.0 * sign, sign
-            distance, ids = cast_rays(model, data, origin, direction)
-            assert ids[0] == 0  # through the middle of a face, where its two triangles meet
-            assert distance[0] == pytest.approx(3.0 - half[axis], abs=1e-6)
-
-
 @pytest.mark.parametrize(
     ("origin", "direction", "expected"),
     [
@@ -240,30 +215,6 @@ def test_what_moves_is_met_where_it_is():
     assert (before != after).sum() > 50
 
 
-@pytest.mark.parametrize("sensor", [LIDAR, CAMERA], ids=["lidar", "camera"])
-@pytest.mark.parametrize("poses", [1, 5])
-def test_a_sweep_is_its_beams_alone(sensor, poses):
-    """Also when the sensor moves during the sweep."""
-    rng = np.random.default_rng(poses)
-    model, data = posed(rugged(rng))
-    table = sensor.beam_table()
-    beams = beams_of(table, 0)
-    indices = rng.integers(0, poses, len(beams)).astype(np.int32)
-    origins = np.array([0.0, 0.0, 1.0]) + 0.1 * rng.normal(size=(poses, 3))
-    rotations = np.empty((poses, 9))
-    for R in rotations:
-        quaternion = np.array([1.0, 0.0, 0.0, 0.0]) + 0.05 * rng.normal(size=4)
-        mujoco.mju_quat2Mat(R, quaternion / np.linalg.norm(quaternion))
-    rotations = rotations.reshape(-1, 3, 3)
-    pattern = cut_grid(beams, len(table.rows), len(table.columns), indices)
-    whole = TileCaster(model, ALL, 30.0).cast(data, pattern, origins, rotations)
-    directions = np.einsum("nij,nj->ni", rotations[indices], beams)
-    expected, ids = by_mj_ray(model, data, origins[indices], directions)
-    assert (ids >= 0).sum() > 50
-    np.testing.assert_array_equal(whole[1], ids)
-    assert np.abs(whole[0] - expected).max() <= 1e-9
-
-
 def test_of_equal_hits_the_lower_id_wins_also_among_primitives():
     spec = mujoco.MjSpec()
     add_hills(spec, "flat", 2, 2, [1.0, 1.0, 1.0, 1.0], np.zeros(4))
@@ -290,35 +241,6 @@ def test_range(limit, expected):
     add_geom(spec.worldbody, "flat", HEIGHT_FIELD)
     rays = np.array([[0.2, 0.1, 2.0]]), np.array([[0.0, 0.0, -1.0]])
     assert cast_rays(*posed(spec), *rays, limit)[0][0] == expected
-
-
-def test_groups_and_alpha():
-    rng = np.random.default_rng(0)
-    spec = mujoco.MjSpec()
-    add_mesh(spec, "star", *star(rng))
-    add_geom(spec.worldbody, "star", MESH, group=2)
-    add_geom(spec.worldbody, "star", MESH, rgba=[1, 1, 1, 0])
-    model, data = posed(spec)
-    origins, directions = random_rays(rng, 50)
-    assert set(cast_rays(model, data, origins, directions)[1]) == {-1, 0}
-    mask = ALL.copy()
-    mask[2] = 0
-    caster = TileCaster(model, mask, 30.0)
-    _, ids = caster.cast(data, cut_scattered(directions), origins[0], np.eye(3))
-    assert (ids == -1).all()
-
-
-def test_a_tree_over_equal_and_over_exponential_items_stays_shallow():
-    """Middles that no plane parts, and ones of which each plane parts one from the rest."""
-    same = np.zeros((5000, 3))
-    doubling = np.repeat(2.0 ** np.arange(-500, 500)[:, None], 3, axis=1)
-    for corners in (same, doubling):
-        _, links, _ = build_tree(corners, corners)
-        depth = np.zeros(len(links), int)
-        for node, (first, items) in enumerate(links):
-            if items == 0:
-                depth[first : first + 2] = depth[node] + 1
-        assert depth.max() <= MAX_SORTED_DEPTH + 14
 
 
 def test_compiled_kernels_equal_their_python(monkeypatch):

@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 
 from wayproof.models.rays.records import Waiting
-from wayproof.models.rays.tree import CHILDREN, LEAF_BITS, MAX_LEAF, build_wide_tree
+from wayproof.models.rays.tree import (
+    CHILDREN,
+    LEAF_BITS,
+    MAX_LEAF,
+    MAX_SORTED_DEPTH,
+    build_tree,
+    build_wide_tree,
+)
 from wayproof.models.rays.walks import open_node, slabs_of
 
 
@@ -49,12 +56,22 @@ def test_a_wide_tree_holds_every_item_once_inside_its_boxes(count, scale):
     assert len(tree.boxes) <= max(1, count // 3)  # most nodes have most of their children
 
 
-def test_a_wide_tree_of_nothing_and_of_equal_items():
-    empty = build_wide_tree(np.empty((0, 3)), np.empty((0, 3)))
-    assert (empty.links == 0).all()
-    same, seen = np.zeros((3000, 3)), []
-    items_below(build_wide_tree(same, same), 0, same, same, seen)
-    assert sorted(seen) == list(range(3000))
+def test_a_tree_of_nothing_has_no_children():
+    assert (build_wide_tree(np.empty((0, 3)), np.empty((0, 3))).links == 0).all()
+
+
+@pytest.mark.parametrize("spread", ["none", "exponential"])
+def test_a_tree_that_no_plane_parts_well_stays_shallow(spread):
+    """Equal middles, and ones of which each plane parts one from the rest."""
+    along = np.zeros(5000) if spread == "none" else 2.0 ** np.arange(-500, 500)
+    items = np.repeat(along[:, None], 3, axis=1)
+    _, links, order = build_tree(items, items)
+    assert sorted(order) == list(range(len(items)))
+    depth = np.zeros(len(links), int)
+    for node, (first, count) in enumerate(links):
+        if count == 0:
+            depth[first : first + 2] = depth[node] + 1
+    assert depth.max() <= MAX_SORTED_DEPTH + 14
 
 
 def naive_met(low, high, origins, directions, limit):
