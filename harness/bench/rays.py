@@ -15,6 +15,8 @@ from wayproof.harness.bench.table import Progress, Row
 from wayproof.models import rays
 from wayproof.models.rays import TileCaster, cut_grid
 from wayproof.models.sensors.beams import beam_directions, rotate
+from wayproof.models.sensors.devices.kinds import cos_sin
+from wayproof.models.worlds import HeightField, Solid, TriangleMesh
 
 Array = NDArray[np.float64]
 Hits = tuple[Array, NDArray[np.int32]]
@@ -41,12 +43,8 @@ class Beams(NamedTuple):
     range: float
 
 
-def _cos_sin(angle: NDArray[np.floating]) -> Array:
-    return np.stack([np.cos(angle), np.sin(angle)], axis=1, dtype=np.float64)
-
-
 LIDAR = Beams(
-    _cos_sin(np.linspace(-0.45, 0.45, 100)), _cos_sin(np.arange(1000) * (2.0 * np.pi / 1000)), 100.0
+    cos_sin(np.linspace(-0.45, 0.45, 100)), cos_sin(np.arange(1000) * (2.0 * np.pi / 1000)), 100.0
 )
 """100 rings over 52 degrees: 100,000 beams."""
 
@@ -74,35 +72,25 @@ def clutter(count: int, moving: int, seed: int) -> str:
     """
     rng = np.random.default_rng(seed)
     geoms = [_geom(rng, KINDS[i % len(KINDS)], i < moving) for i in range(count)]
-    return _mjcf("", '<geom type="plane" size="0 0 1"/>' + "".join(geoms))
+    plane = '<geom type="plane" size="0 0 1"/>'
+    return f"<mujoco><worldbody>{plane}{''.join(geoms)}</worldbody></mujoco>"
 
 
 def mesh_terrain(points: int, seed: int) -> str:
     """Return MJCF of rolling ground as a mesh of 2 (points - 1)^2 triangles."""
-    x, y = np.meshgrid(*(2 * [np.linspace(-SIDE / 2, SIDE / 2, points)]), indexing="ij")
-    vertices = np.stack([x, y, _heights(points, seed)], axis=-1).reshape(-1, 3)
     corner = np.arange(points * points).reshape(points, points)
     a, b, c, d = (
         side.ravel()
         for side in (corner[:-1, :-1], corner[1:, :-1], corner[1:, 1:], corner[:-1, 1:])
     )
     faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
-    # Open ground encloses no volume; MuJoCo then requires the inertia of a shell.
-    asset = (
-        f'<mesh name="ground" inertia="shell" vertex="{_numbers(*vertices.ravel())}" '
-        f'face="{" ".join(map(str, faces.ravel()))}"/>'
-    )
-    return _mjcf(asset, '<geom type="mesh" mesh="ground"/>')
+    nodes = _ground(points, seed).nodes.reshape(-1, 3)
+    return _mjcf(TriangleMesh.from_arrays(nodes, faces, "floor"))
 
 
 def field_terrain(points: int, seed: int) -> str:
     """Return MJCF of rolling ground as a height field of points x points."""
-    heights = _heights(points, seed).T[::-1]  # MJCF lists rows from the far side in y
-    asset = (
-        f'<hfield name="ground" nrow="{points}" ncol="{points}" '
-        f'size="{SIDE / 2} {SIDE / 2} {RELIEF} 0.5" elevation="{_numbers(*heights.ravel())}"/>'
-    )
-    return _mjcf(asset, f'<geom type="hfield" hfield="ground" pos="0 0 {-RELIEF}"/>')
+    return _mjcf(_ground(points, seed))
 
 
 SCENES = (
@@ -190,12 +178,13 @@ def _multi_ray(model: mujoco.MjModel, data: mujoco.MjData, directions: Array, ra
     return distance, ids
 
 
-def _mjcf(assets: str, geoms: str) -> str:
-    return f"<mujoco><asset>{assets}</asset><worldbody>{geoms}</worldbody></mujoco>"
+def _mjcf(solid: Solid) -> str:
+    asset, geom = solid.asset("ground"), solid.geom("ground")
+    return f"<mujoco><asset>{asset}</asset><worldbody>{geom}</worldbody></mujoco>"
 
 
-def _heights(points: int, seed: int) -> Array:
-    """Return heights of rolling ground (points, points), x by y, m: from -RELIEF to 0."""
+def _ground(points: int, seed: int) -> HeightField:
+    """Return rolling ground of points x points, from -RELIEF to 0."""
     rng = np.random.default_rng(seed)
     x, y = np.meshgrid(*(2 * [np.linspace(-SIDE / 2, SIDE / 2, points)]), indexing="ij")
     heights = np.zeros((points, points))
@@ -204,8 +193,10 @@ def _heights(points: int, seed: int) -> Array:
         along = x * np.cos(heading) + y * np.sin(heading)
         heights += length * np.sin(2.0 * np.pi * along / length + phase)
     heights -= heights.max()
-    ground: Array = heights * (RELIEF / -heights.min())
-    return ground
+    spacing = SIDE / (points - 1)
+    heights *= RELIEF / -heights.min()
+    corner = (-SIDE / 2, -SIDE / 2, 0.0)
+    return HeightField.from_array(corner, (spacing, spacing), heights, "floor")
 
 
 def _geom(rng: np.random.Generator, kind: str, moves: bool) -> str:

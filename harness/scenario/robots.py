@@ -12,9 +12,9 @@ from wayproof.harness.errors import InputError, unknown_name
 from wayproof.harness.scenario.named import find_named
 from wayproof.models.robots import LIMITS_IN_STATIC_WORLDS, ROBOTS, ROBOTS_BY_LIMITS, Robot, custom
 from wayproof.models.robots.custom import (
-    CONTROLLERS,
     CustomRobot,
     RobotSpecError,
+    kind_of,
     logged_robot,
     parse_spec,
     read_robot,
@@ -140,8 +140,6 @@ def warm_up_robot(config: Config) -> None:
         return
     try:
         text = config.robot_file or read_spec_text(Path(config.robot))
-        kind = CONTROLLERS.get(parse_spec(text).controller)
+        kind_of(parse_spec(text)).warm_up()
     except RobotSpecError:
         return  # reported when the episode is built
-    if kind is not None:
-        kind.warm_up()

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterable, Mapping
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,33 +32,6 @@ ESTIMATOR = "estimator."
 
 NONE = -1
 """Number of the sweeps before the first."""
-
-
-class Estimator(Protocol):
-    """Pose estimator of one body."""
-
-    travelled: float
-
-    @property
-    def error(self) -> PoseError:
-        """Estimated minus true pose."""
-
-    @property
-    def position_sigma(self) -> float:
-        """Stated standard deviation along the axis of the greatest, m."""
-
-    @property
-    def heading_sigma(self) -> float:
-        """Stated standard deviation of the heading, rad."""
-
-    def advance(self, position: Array, heading: float) -> None:
-        """Make the next estimate, with the body truly at `position` (3,) and `heading`."""
-
-    def state(self) -> dict[str, Array]:
-        """Return the state kept between estimates."""
-
-    def restore(self, state: dict[str, Array]) -> None:
-        """Continue from what `state` returned."""
 
 
 class PoseEstimate:
@@ -100,7 +72,7 @@ class PoseEstimate:
         self._stride = max(1, round(1.0 / (config.pose_model.rate * timestep)))
         period = self._stride * timestep
         self._beams = beams
-        self._estimator: Estimator
+        self._estimator: LidarOdometry | PoseModel
         self._lidar: LidarOdometry | None = None
         self._corrected = self._mapped = NONE  # number of the last sweeps
         if config.estimate.kind == "lidar":

@@ -142,7 +142,7 @@ class World:
         for mover in self.movers:
             named += zip(mover.solid_names, mover.solids, strict=True)
         assets = "".join(f"{asset}\n" for name, solid in named if (asset := solid.asset(name)))
-        geoms = [self._floor(), *map(_geom_of, self.solid_names, self.solids)]
+        geoms = [self._floor(), *geoms_of(self)]
         return _SCENE.format(
             name=self.name,
             seed=self.seed,
@@ -167,15 +167,16 @@ class World:
         )
 
 
-def _geom_of(name: str, solid: Solid) -> str:
-    return solid.geom(name)
+def geoms_of(thing: World | Mover) -> list[str]:
+    """Write the solids of a world or a mover."""
+    return [solid.geom(name) for name, solid in zip(thing.solid_names, thing.solids, strict=True)]
 
 
 def mover_body(mover: Mover) -> str:
     """Write a mover as a mocap body at its start."""
     place = mover.place(0)
     turn = f"{cos(place.yaw / 2):.9f} 0 0 {sin(place.yaw / 2):.9f}"
-    geoms = "\n".join(map(_geom_of, mover.solid_names, mover.solids))
+    geoms = "\n".join(geoms_of(mover))
     return (
         f'    <body name="{mover.name}" mocap="true" pos="{numbers(place.position)}" '
         f'quat="{turn}">\n{geoms}\n    </body>'

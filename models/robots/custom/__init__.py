@@ -1,6 +1,12 @@
 """Robots of the user's own, from a spec file and an MJCF."""
 
-from wayproof.models.robots.custom.robot import CONTROLLERS, CustomRobot, logged_robot, read_robot
+from wayproof.models.robots.custom.robot import (
+    CONTROLLERS,
+    CustomRobot,
+    kind_of,
+    logged_robot,
+    read_robot,
+)
 from wayproof.models.robots.custom.source import RobotSpecError
 from wayproof.models.robots.custom.spec_file import CLASS_SEPARATOR, SpecFile, parse_spec
 
@@ -10,6 +16,7 @@ __all__ = [
     "CustomRobot",
     "RobotSpecError",
     "SpecFile",
+    "kind_of",
     "logged_robot",
     "parse_spec",
     "read_robot",

@@ -39,10 +39,10 @@ HASH_DIGITS = 12
 
 
 class Kind(NamedTuple):
-    """Functions of a built-in controller's kind of robot.
+    """Functions of a controller's kind of robot.
 
     Attributes:
-        motion: Ground or air.
+        motion: Ground or air; None for what the spec says.
         mjcf: Writes the robot anew.
         check: Refuses a spec that the written robot does not fit.
         rest_height: Height of the base at the start, m.
@@ -50,7 +50,7 @@ class Kind(NamedTuple):
         warm_up: Compiles its kernels.
     """
 
-    motion: Literal["ground", "air"]
+    motion: Literal["ground", "air"] | None
     mjcf: Callable[[Source, SpecFile], str]
     check: Callable[[SpecFile, mujoco.MjModel], None]
     rest_height: Callable[[SpecFile, mujoco.MjModel, str], float]
@@ -64,6 +64,10 @@ def _trot(spec: SpecFile, model: mujoco.MjModel, prefix: str) -> Controller:
 
 def _geometric(spec: SpecFile, model: mujoco.MjModel, prefix: str) -> Controller:
     return QuadrotorController(model, prefix, rotorcraft_parameters(model, prefix, spec))
+
+
+def _own(spec: SpecFile, model: mujoco.MjModel, prefix: str) -> Controller:
+    return load_controller(spec.controller, model, prefix)
 
 
 def _stance(spec: SpecFile, model: mujoco.MjModel, prefix: str) -> float:
@@ -81,6 +85,14 @@ CONTROLLERS: dict[str, Kind] = {
     "trot": Kind("ground", legged_mjcf, check_legged, _stance, _trot, quadruped.warm_up),
 }
 """Built-in controllers by the name that a spec gives."""
+
+OWN = Kind(None, kept_mjcf, lambda spec, model: None, _given, _own, lambda: None)
+"""A controller of the user's own."""
+
+
+def kind_of(spec: SpecFile) -> Kind:
+    """Return the kind of a robot by its controller."""
+    return CONTROLLERS.get(spec.controller, OWN)
 
 
 @dataclass(frozen=True)
@@ -110,10 +122,9 @@ class CustomRobot:
     def spec(self) -> RobotSpec:
         """The body as the navigation stack knows it."""
         file, limits = self.file, self.file.limits
-        kind = CONTROLLERS.get(file.controller)
         return RobotSpec(
             name=file.name,
-            motion=kind.motion if kind is not None else (file.motion or "ground"),
+            motion=kind_of(file).motion or file.motion or "ground",
             radius=file.radius,
             height=file.height,
             step_height=limits.step_height,
@@ -143,16 +154,11 @@ class CustomRobot:
         Raises:
             ValueError: The user's own cannot be loaded.
         """
-        kind = CONTROLLERS.get(self.file.controller)
-        if kind is None:
-            return load_controller(self.file.controller, model, prefix)
-        return kind.controller(self.file, model, prefix)
+        return kind_of(self.file).controller(self.file, model, prefix)
 
     def warm_up(self) -> None:
         """Compile the controller's kernels, or load them from the cache."""
-        kind = CONTROLLERS.get(self.file.controller)
-        if kind is not None:
-            kind.warm_up()
+        kind_of(self.file).warm_up()
 
 
 def read_robot(path: Path) -> CustomRobot:
@@ -164,8 +170,7 @@ def read_robot(path: Path) -> CustomRobot:
     text = read_spec_text(path)
     spec = _parse(text)
     source = open_source(find_mjcf(spec.mjcf, path.parent), spec.base, path.parent)
-    kind = CONTROLLERS.get(spec.controller)
-    mjcf = kept_mjcf(source, spec) if kind is None else kind.mjcf(source, spec)
+    mjcf = kind_of(spec).mjcf(source, spec)
     rest_height = _rest_height(spec, mjcf)
     if spec.controller == "trot" and spec.discs:
         wrong = [text for text in stride_findings(spec, walked(mjcf, spec)) if "discs" in text]
@@ -195,9 +200,7 @@ def _parse(text: str) -> SpecFile:
     if spec.controller not in CONTROLLERS and CLASS_SEPARATOR not in spec.controller:
         known = ", ".join([*CONTROLLERS, "module:Class", "FILE.py:Class"])
         raise RobotSpecError(f"controller: unknown '{spec.controller}' (available: {known})")
-    kind = CONTROLLERS.get(spec.controller)
-    motion = spec.motion if kind is None else kind.motion
-    if motion == "ground" and not spec.limits.step_height > 0.0:
+    if (kind_of(spec).motion or spec.motion) == "ground" and not spec.limits.step_height > 0.0:
         raise RobotSpecError("limits.step_height: got 0, expected above 0 on the ground")
     return spec
 
@@ -207,9 +210,6 @@ def _rest_height(spec: SpecFile, mjcf: str, prefix: str = "") -> float:
         model = mujoco.MjModel.from_xml_string(mjcf)
     except ValueError as error:
         raise RobotSpecError(f"mjcf: {' '.join(str(error).split())[:300]}") from None
-    kind = CONTROLLERS.get(spec.controller)
-    if kind is None:
-        return _given(spec, model, prefix)
     if not prefix:
-        kind.check(spec, model)
-    return kind.rest_height(spec, model, prefix)
+        kind_of(spec).check(spec, model)
+    return kind_of(spec).rest_height(spec, model, prefix)
