@@ -41,7 +41,7 @@ def trail_of(scenario, data):
 
 def cast(injector, scenario, data, sequence=0):
     """Ranges of the first sensor at one decision, mm."""
-    injector.begin(sequence)
+    injector.begin_decision(sequence)
     caster = scenario.scene.casters[0]
     sites = data.site_xpos.copy(), data.site_xmat.copy()
     ranges, classes = injector.cast(caster, data, trail_of(scenario, data), sequence)
@@ -63,7 +63,7 @@ def test_the_count_of_changed_beams_begins_anew_at_each_decision(scenario, data)
     perturbed = injector(scenario, perturbation_from("depth_dropout:5"))
     cast(perturbed, scenario, data)
     assert perturbed.message(0, 0, PoseError()).changed_beams > 0
-    perturbed.begin(1)
+    perturbed.begin_decision(1)
     assert perturbed.message(1, 0, PoseError()).changed_beams == 0
 
 
@@ -72,7 +72,7 @@ def test_a_delay_is_added_within_its_window_alone(scenario):
     perturbed = injector(scenario, Latency(severity=4, window=(1.0, 2.0)))
     delays = []
     for time_s in (0.5, 1.5, 2.5):
-        perturbed.begin(round(time_s * rate))
+        perturbed.begin_decision(round(time_s * rate))
         delays.append(perturbed.delay)
     assert delays == [0.0, pytest.approx(0.15), 0.0]
 
