@@ -180,7 +180,7 @@ class TrainingEpisode:
         simulation.drain_setpoints()
         simulation.place_geometry()
         trail, estimate = simulation.trail(), simulation.estimate
-        injector.begin(sequence)
+        injector.begin_decision(sequence)
         cast = [injector.cast(one, self.data, trail, sequence) for one in self._casters]
         estimate.advance(time_ns, trail.positions[-1], trail.quaternions[-1])
         pose = estimate.pose(trail, simulation.rolling)
