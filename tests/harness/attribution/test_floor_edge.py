@@ -56,7 +56,7 @@ def test_a_fall_elsewhere_is_none_over_the_edge(over):
     assert floor_edge(case) is not None
     before = [one for one in case.moments if one.true_position[0] < EDGE_X - 0.7]
     end_s = before[-1].time_ns * 1e-9 + 0.05
-    assert floor_edge(replace(case, moments=tuple(before), end=end_s)) is None
+    assert floor_edge(replace(case, moments=tuple(before), end_s=end_s)) is None
     assert floor_edge(replace(case, outcome="stuck")) is None
 
 
