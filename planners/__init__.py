@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from wayproof.planners.astar.goal_field import GoalField
 from wayproof.planners.astar.lattice import entry_cell, make_lattice, set_column_heuristic
 from wayproof.planners.astar.se2 import se2_path
 from wayproof.planners.body import Body, Disc
@@ -54,7 +53,6 @@ __all__ = [
     "Body",
     "Disc",
     "FreeSpace",
-    "GoalField",
     "MotionLimits",
     "PathState",
     "Plan",
@@ -111,9 +109,6 @@ def warm_up(config: PlannerConfig | None = None, oriented: bool = False) -> None
         _warm_up_poses(start, goal)
     if config is None:
         _warm_up_samplers(start, goal)
-        to_goal = GoalField(goal, PlannerConfig())
-        for _ in range(2):
-            to_goal.plan(space, start, seed=1)
     sampled = PlannerConfig(name="rrtconnect")
     if config is not None and not is_registered(config.name):
         config = sampled  # a user's code is run in episodes only, where its failures are logged

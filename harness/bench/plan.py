@@ -24,7 +24,6 @@ from wayproof.planners import (
     PLANNERS,
     Body,
     FreeSpace,
-    GoalField,
     Plan,
     PlannerConfig,
     plan,
@@ -60,8 +59,7 @@ def bench_plan(repeats: int, seed: int, progress: Progress) -> list[Row]:
     with a path; the least, the median and the 99th percentile of the processor time of a plan,
     `ms_min`, `ms` and `ms_p99`; `x_astar`, its median over that of `astar`; `length` and
     `length_p99`, the mean and 99th percentile of the path's length over the shortest one found.
-    `astar, again` plans a second time from the costs that the first search left, and `astar, clear`
-    with the default weights of clearance and corners: these paths are longer.
+    `astar, clear` plans with the default weights of clearance and corners: its paths are longer.
     """
     progress("compiling kernels (some seconds the first time, then cached)")
     warm_up()
@@ -77,21 +75,12 @@ def bench_plan(repeats: int, seed: int, progress: Progress) -> list[Row]:
                 found.setdefault(name, []).append(_timed(_plan, space, query, short))
             clear = _timed(_plan, space, query, PlannerConfig(name="astar"))
             found.setdefault("astar, clear", []).append(clear)
-            found.setdefault("astar, again", []).append(_again(space, query))
         rows += _rows(robot, found)
     return rows
 
 
 def _plan(space: FreeSpace, query: Query, config: PlannerConfig) -> Plan:
     return plan(space, query.start, query.goal, config, query.seed, query.heading)
-
-
-def _again(space: FreeSpace, query: Query) -> tuple[Plan, float]:
-    """Plan by one field of costs twice, nothing having changed; return the second plan."""
-    field = GoalField(query.goal, PlannerConfig(clearance_weight=0.0, corner_cost=0.0))
-    nothing = np.zeros(3, int), np.zeros(3, int)
-    field.plan(space, query.start, query.seed, query.heading, None)
-    return _timed(field.plan, space, query.start, query.seed, query.heading, nothing)
 
 
 def _timed(work: Callable[..., Plan], *given: object) -> tuple[Plan, float]:

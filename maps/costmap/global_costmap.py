@@ -18,9 +18,6 @@ BLOCKED, UNSEEN, PASSABLE = 0, 1, 2
 TILE = 128
 """About, side of the tiles that are computed together, cells of the map."""
 
-Box = tuple[NDArray[np.int64], NDArray[np.int64]]
-"""Least cell (2,) of a box, and one past the greatest (2,)."""
-
 
 class GlobalCostmap:
     """States of coarse cells for one body: whether its centre has a place somewhere in each.
@@ -75,31 +72,19 @@ class GlobalCostmap:
         self.states = np.full((-(-nx // cells), -(-ny // cells)), UNSEEN, np.uint8)
         self._stamp = 0
 
-    def update(self) -> Box | None:
-        """Bring the states up to date with the map.
-
-        Returns:
-            A box of coarse cells outside of which none changed; None if none changed at all.
-        """
+    def update(self) -> None:
+        """Bring the states up to date with the map."""
         first = self._stamp == 0
         boxes, self._stamp = self._map.changed(self._stamp)
         tiles = self._touched(boxes)
         if first:  # what lies beside the extent blocks cells that the map knows nothing of
             tiles[[0, -1]] = True
             tiles[:, [0, -1]] = True
-        changed: list[NDArray[np.int64]] = []
         for i, j in np.argwhere(tiles).tolist():
             low = np.array([i, j]) * self._tile
             high = np.minimum(low + self._tile, self.states.shape)
             (x0, y0), (x1, y1) = low.tolist(), high.tolist()
-            found = self._states_of(low, high)
-            if not np.array_equal(found, self.states[x0:x1, y0:y1]):
-                self.states[x0:x1, y0:y1] = found
-                changed.append(np.stack([low, high]))
-        if not changed:
-            return None
-        corners = np.stack(changed)  # (k, 2, 2)
-        return corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)
+            self.states[x0:x1, y0:y1] = self._states_of(low, high)
 
     def _touched(self, boxes: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Return the tiles (kx, ky) that boxes (k, 6) of the map's cells may change."""

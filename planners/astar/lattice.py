@@ -45,18 +45,17 @@ def factors(space: FreeSpace) -> list[int]:
     return [factor for factor in (coarse, coarse // 2, 1) if factor >= 1][: coarse.bit_length()]
 
 
-def make_lattice(space: FreeSpace, factor: int, weight: float, repairable: bool = False) -> Lattice:
+def make_lattice(space: FreeSpace, factor: int, weight: float) -> Lattice:
     """Make a lattice on which nothing has been searched yet.
 
     Args:
         space: Free space and its costs.
         factor: Grid cells to a lattice cell, along each axis that has more than one.
         weight: Weight of the cell cost against length.
-        repairable: Whether to keep the masks that `kernels.repair` needs.
     """
     field = space.grid.field
     shape = _lattice_shape(space.flat, factor, field.shape)
-    tables = _move_tables(space.flat, factor, field.shape, repairable)
+    tables = _move_tables(space.flat, factor, field.shape)
     rates = rates_of(space, weight)
     cells = int(shape.prod())
     dearest = max(int(rates.by_distance.max()), int(rates.by_price.max()))
@@ -73,10 +72,7 @@ def make_lattice(space: FreeSpace, factor: int, weight: float, repairable: bool 
         move_lengths=tables.lengths,
         touched=tables.touched,
         touched_counts=tables.touched_counts,
-        blocks=tables.blocks,
-        bits=tables.bits,
         rate=np.zeros(cells, np.int32),
-        mask=np.zeros(cells if repairable else 0, np.int64),
         state=np.zeros(cells, np.uint8),
         cost=np.empty(cells, np.int32),
         parent_move=np.empty(cells, np.uint8),
@@ -187,26 +183,21 @@ class _MoveTables(NamedTuple):
     lengths: Integers  # (m,)
     touched: Longs  # (m, k)
     touched_counts: Longs  # (m,)
-    blocks: Longs  # (m, 8)
-    bits: Longs  # (m, 8)
 
 
 @functools.lru_cache(maxsize=16)
-def _move_tables(flat: bool, factor: int, field_shape: Cell, repairable: bool) -> _MoveTables:
+def _move_tables(flat: bool, factor: int, field_shape: Cell) -> _MoveTables:
     """Make the tables of moves; searches of one window share them."""
-    along, shape = _cells_along(flat, factor), _lattice_shape(flat, factor, field_shape)
+    shape = _lattice_shape(flat, factor, field_shape)
     moves = _moves(flat)
     strides = np.array([shape[1] * shape[2], shape[2], 1])
     touched, counts = _touched_cells(moves, factor, field_shape)
-    blocks, bits = _needed_bits(moves if repairable else moves[:0], along)
     return _MoveTables(
         moves=moves,
         offsets=(moves * strides).sum(axis=1),
         lengths=np.array([STEPS[np.abs(move).sum() - 1] for move in moves], np.int32),
         touched=touched,
         touched_counts=counts,
-        blocks=(blocks * strides).sum(axis=-1),
-        bits=bits,
     )
 
 
@@ -252,25 +243,3 @@ def _touched_cells(moves: Longs, factor: int, shape: tuple[int, ...]) -> tuple[L
     for row, offsets in zip(table, touched, strict=True):
         row[: len(offsets)] = offsets
     return table, np.array([len(offsets) for offsets in touched])
-
-
-def _needed_bits(moves: Longs, along: Longs) -> tuple[Longs, Longs]:
-    """Return the blocks that each move touches (m, 8, 3), and the needed bits of each (m, 8)."""
-    table = [_needed(tuple(move), tuple(along.tolist())) for move in moves.tolist()]
-    blocks, bits = [blocks for blocks, _ in table], [bits for _, bits in table]
-    return np.array(blocks, np.int64).reshape(-1, 8, 3), np.array(bits, np.int64).reshape(-1, 8)
-
-
-@functools.lru_cache(maxsize=64)
-def _needed(move: Cell, along: Cell) -> tuple[list[Cell], list[int]]:
-    """Return the blocks that one move touches, and the needed bits, as `block_mask` sets them."""
-    bits: dict[Cell, int] = {}
-    size = along[0] * along[1] * along[2]
-    for cell in _touched(move, max(along)):
-        places = [f // 2 + d for f, d in zip(along, cell, strict=True)]
-        i, j, k = (place // f for place, f in zip(places, along, strict=True))
-        x, y, z = (place % f for place, f in zip(places, along, strict=True))
-        bit = 1 << (size - 1 - ((x * along[1] + y) * along[2] + z))
-        bits[i, j, k] = bits.get((i, j, k), 0) | bit
-    signed = [bit - (1 << 64) if bit >= 1 << 63 else bit for bit in bits.values()]
-    return [*bits, *[(0, 0, 0)] * (8 - len(bits))], [*signed, *[0] * (8 - len(bits))]

@@ -91,7 +91,7 @@ def bound_columns(lattice: Lattice, goal: int, target: int) -> bool:
     be. So the bound is consistent: it falls by no more than the cost of each move.
 
     Args:
-        lattice: Lattice in space, without masks; `column_bound` is written.
+        lattice: Lattice in space; `column_bound` is written.
         goal: Cell where the search of the lattice begins.
         target: Cell where it ends.
 

@@ -27,10 +27,10 @@ LARGEST_RATE = 64 * FREE_RATE
 """Largest rate: it bounds the queue."""
 
 LARGEST_FACTOR = 4
-"""Largest number of grid cells to a lattice cell, along an axis: the 64 of a block are a word."""
+"""Largest number of grid cells to a lattice cell, along an axis."""
 
-NEW, OPEN, CLOSED, INVALID = 0, 1, 2, 3
-"""States of a lattice cell; `INVALID` only while a repair lasts."""
+NEW, OPEN, CLOSED = 0, 1, 2
+"""States of a lattice cell."""
 
 KEY, OPENED, EXPANDED = 0, 1, 2
 """Indices of `Lattice.counters`."""
@@ -68,10 +68,7 @@ class Lattice(NamedTuple):
     move_lengths: Integers  # (m,)
     touched: Longs  # (m, k) flat offsets of the grid cells that each move touches
     touched_counts: Longs  # (m,) how many they are
-    blocks: Longs  # (m, 8) flat offsets of the lattice cells that each move touches
-    bits: Longs  # (m, 8) bits of their masks that have to be set; neither if no masks are kept
     rate: Integers  # (n,) cost per length, UNSEEN or BLOCKED
-    mask: Longs  # (n,) which of a block's grid cells are free, bit by bit; (0,) if not kept
     state: Bytes  # (n,)
     cost: Integers  # (n,) cost-to-go of an open or closed cell
     parent_move: Bytes  # (n,) move that leads to the cell from its successor towards the goal
@@ -142,31 +139,6 @@ def middle_rate(
 
 
 @kernel
-def block_mask(
-    field: NDArray[np.uint16], threshold: int, factor: Longs, shape: Longs, indices: Indices
-) -> int:
-    """Return a mask of the free grid cells of a lattice cell, at most 64 bits."""
-    mask = 0
-    if in_border(shape, indices):
-        return mask
-    i, j, k = indices
-    x, y, z = (i - 1) * factor[0], (j - 1) * factor[1], (k - 1) * factor[2]
-    for u in range(x, x + factor[0]):
-        for v in range(y, y + factor[1]):
-            # Unsigned indices skip the check for negatives.
-            row = field[np.uint64(u), np.uint64(v)]
-            if factor[2] == LARGEST_FACTOR:  # unrolled: a repair spends most of its time here
-                a, b = row[np.uint64(z)], row[np.uint64(z + 1)]
-                c, d = row[np.uint64(z + 2)], row[np.uint64(z + 3)]
-                ends = int(a > threshold) << 3 | int(d > threshold)
-                mask = mask << 4 | ends | int(b > threshold) << 2 | int(c > threshold) << 1
-                continue
-            for w in range(z, z + factor[2]):
-                mask = (mask << 1) | int(row[np.uint64(w)] > threshold)
-    return mask
-
-
-@kernel
 def rate_of(lattice: Lattice, cell: int) -> int:
     """Return the rate of a lattice cell; the first call looks it up."""
     field, threshold, factor = lattice.field, lattice.threshold, lattice.factor
@@ -175,8 +147,6 @@ def rate_of(lattice: Lattice, cell: int) -> int:
         lattice.rate[cell] = middle_rate(
             field, threshold, factor, lattice.shape, lattice.rates, indices
         )
-        if len(lattice.mask) > 0:
-            lattice.mask[cell] = block_mask(field, threshold, factor, lattice.shape, indices)
     rate: int = lattice.rate[cell]
     return rate
 
@@ -191,14 +161,5 @@ def move_free(
     """
     for n in range(np.uint64(counts[move])):
         if cells[np.uint64(index + touched[move, n])] <= threshold:
-            return False
-    return True
-
-
-@kernel
-def move_free_by_mask(mask: Longs, cell: int, blocks: Longs, bits: Longs, move: int) -> bool:
-    """Check a move as `move_free` by the masks of the lattice cells, which are fewer to read."""
-    for n in range(np.uint64(blocks.shape[1])):
-        if mask[np.uint64(cell + blocks[move, n])] & bits[move, n] != bits[move, n]:
             return False
     return True

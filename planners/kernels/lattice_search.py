@@ -23,11 +23,9 @@ from wayproof.planners.kernels.lattice_cells import (
     Integers,
     Lattice,
     Longs,
-    block_mask,
     middle_index,
     middle_rate,
     move_free,
-    move_free_by_mask,
     unravel,
 )
 
@@ -65,8 +63,7 @@ def expand(lattice: Lattice, until: int, target: int, budget: int, margin: int) 
     factor, shape, rates = lattice.factor, lattice.shape, lattice.rates
     moves, offsets, lengths = lattice.moves, lattice.move_offsets, lattice.move_lengths
     touched, counts, rate = lattice.touched, lattice.touched_counts, lattice.rate
-    blocks, bits = lattice.blocks, lattice.bits
-    mask, state, cost, parent = lattice.mask, lattice.state, lattice.cost, lattice.parent_move
+    state, cost, parent = lattice.state, lattice.cost, lattice.parent_move
     head, after, before, keys = lattice.head, lattice.after, lattice.before, lattice.key
     key, opened, closed = lattice.counters[KEY], lattice.counters[OPENED], 0
     column_bound, aim = lattice.column_bound, unravel(shape, max(target, 0))
@@ -93,20 +90,12 @@ def expand(lattice: Lattice, until: int, target: int, budget: int, margin: int) 
             indices = (i + moves[move, 0], j + moves[move, 1], k + moves[move, 2])
             if rate[at] == UNSEEN:
                 rate[at] = middle_rate(field, threshold, factor, shape, rates, indices)
-                if len(mask) > 0:
-                    mask[at] = block_mask(field, threshold, factor, shape, indices)
             if rate[at] < 0:
                 continue
             through = cost[here] + lengths[move] * (rate[here] + rate[at])
-            # After a repair a closed cell can be too dear; otherwise none is ever opened again.
             if state[at] != NEW and through >= cost[at]:
                 continue
-            # The cells beside a move are neighbours along fewer axes, whose masks are known: moves
-            # along fewer axes come first.
-            if len(mask) > 0:
-                if not move_free_by_mask(mask, cell, blocks, bits, move):
-                    continue
-            elif not move_free(cells, threshold, index, touched, counts, move):
+            if not move_free(cells, threshold, index, touched, counts, move):
                 continue
             if state[at] == OPEN:
                 remove(head, after, before, keys, other)

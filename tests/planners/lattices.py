@@ -22,8 +22,8 @@ def random_space(seed: int, shape=(24, 20, 1), pillars: int = 0) -> FreeSpace:
     return dataclasses.replace(make_space(blocked), origin=np.zeros(3), resolution=1.0)
 
 
-def free_lattice(space: FreeSpace, factor: int, repairable: bool = False):
-    grid = lattice.make_lattice(space, factor, 2.0, repairable)
+def free_lattice(space: FreeSpace, factor: int):
+    grid = lattice.make_lattice(space, factor, 2.0)
     free = [n for n in range(len(grid.rate)) if lattice_cells.rate_of(grid, n) > 0]
     return grid, free
 
