@@ -45,8 +45,6 @@ class BehaviourConfig:
         lost_sigma: Standard deviation of the position beyond which the robot goes back to where the
             sweeps held it, or gives up, m.
         max_returns: Times it goes back for `lost_sigma` before the action is `abort`.
-        max_evidence_age: Greatest age of what the map holds of a way, s: the stopping distance must
-            have been seen since, and all that a command of a stack on trial sweeps.
 
     Raises:
         ValueError: A value is out of its bounds.
@@ -69,7 +67,6 @@ class BehaviourConfig:
     noisy_sigma: Annotated[float, Bounds(1e-9, 1e6, "m")] = 0.05
     lost_sigma: Annotated[float, Bounds(1e-9, 1e6, "m")] = 0.5
     max_returns: Annotated[int, Bounds(0, 1e6)] = 1
-    max_evidence_age: Annotated[float, Bounds(0.05, 1e6, "s")] = 0.5
 
     def __post_init__(self) -> None:
         """Check every field."""

@@ -133,6 +133,8 @@ class CostmapConfig:
             as long again is held whole. 0 holds every area whole.
         max_slope: Steepest ramp that a walking robot may climb, rad; 0: the floor is flat. Cells
             must be no larger than the steps that matter: see `Terrain`.
+        max_evidence_age: Greatest age of what the map holds of a way, s: the stopping distance must
+            have been seen since, and all that a command of a stack on trial sweeps.
         class_margins: Extra distance kept to objects, by the name of their class, m; needs sweeps
             with classes.
 
@@ -146,6 +148,7 @@ class CostmapConfig:
     cost_range: Annotated[float, Bounds(0.0, 10.0, "m")] = 0.6
     window: Annotated[float, Bounds(0.0, 1e4, "m")] = 32.0
     max_slope: Annotated[float, Bounds(0.0, 0.6, "rad")] = 0.0
+    max_evidence_age: Annotated[float, Bounds(0.05, 1e6, "s")] = 0.5
     class_margins: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

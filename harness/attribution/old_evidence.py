@@ -87,7 +87,7 @@ def _stated(case: Case, moments: Sequence[Moment]) -> str:
     numbers = commands_to(case, case.end_s)
     verdicts = [case.moments[number].decision.verdict.verdict for number in numbers]
     if "stale" in verdicts:
-        limit, count = case.config.behaviour.max_evidence_age, verdicts.count("stale")
+        limit, count = case.config.costmap.max_evidence_age, verdicts.count("stale")
         return (
             f"{count} commands that led to it, from decision {numbers[verdicts.index('stale')]} "
             f"on, go where nothing was seen for more than {limit:g} s"

@@ -18,7 +18,7 @@ COVERED = np.array([[0, 0, 0], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]], np
 
 
 class OldEvidence(NamedTuple):
-    """The first place of a way whose evidence is older than `behaviour.max_evidence_age`.
+    """The first place of a way whose evidence is older than `costmap.max_evidence_age`.
 
     Attributes:
         free_m: Length of the way before it, m.
@@ -41,5 +41,5 @@ def old_evidence(input: PlannerInput, path: Array) -> OldEvidence | None:
     points = places_along(path, arcs)[:, None] + radius * COVERED
     newest = input.observed_ns(points.reshape(-1, 3)).reshape(len(arcs), -1).max(axis=1)
     ages = (input.time_ns - newest) * 1e-9
-    (old,) = np.nonzero((newest >= 0) & (ages > input.config.behaviour.max_evidence_age))
+    (old,) = np.nonzero((newest >= 0) & (ages > input.config.costmap.max_evidence_age))
     return OldEvidence(float(arcs[old[0]]), float(ages[old[0]])) if len(old) else None

@@ -256,7 +256,7 @@ def lost(now: Committed, past: Past) -> Iterator[str]:
 
 def old_evidence(now: Committed, past: Past) -> Iterator[str]:
     """Check that something on the way was last seen so long ago, unless a guard cut another way."""
-    yield from same("deadline_s", now.reason.deadline_s, now.config.behaviour.max_evidence_age)
+    yield from same("deadline_s", now.reason.deadline_s, now.config.costmap.max_evidence_age)
     age_s = now.reason.delay_s
     if not age_s > now.reason.deadline_s:
         yield "that is recent"

@@ -32,5 +32,5 @@ def stop_in_seen_space(situation: Situation) -> Decided | None:
 
 def reason_of(input: PlannerInput, found: OldEvidence) -> Reason:
     """Return the reason of a robot that stops by old evidence."""
-    limit = input.config.behaviour.max_evidence_age
+    limit = input.config.costmap.max_evidence_age
     return Reason("old_evidence", delay_s=found.age_s, deadline_s=limit)
