@@ -12,8 +12,6 @@ import pytest
 from wayproof.harness.cli.main import main
 from wayproof.harness.log.reader import open_log
 
-PLUGIN = "wayproof.harness.regress.pytest_plugin"
-
 
 @pytest.fixture(scope="module")
 def failure(tmp_path_factory):
@@ -61,7 +59,7 @@ def test_a_success_has_nothing_to_shrink(tmp_path, capsys):
 def test_pytest_fails_until_the_stack_is_mended(failure, tmp_path):
     test = tmp_path / "test"
     assert main(["regress", str(failure), "--out", str(test)]) == 0
-    words = [sys.executable, "-m", "pytest", "-q", "-p", PLUGIN, "--wayproof", str(test), str(test)]
+    words = [sys.executable, "-m", "pytest", "-q", "--wayproof", str(test), str(test)]
     found = run_pytest(words, tmp_path)
     assert found.returncode == 1, found.stdout
     assert "2 failed" in found.stdout

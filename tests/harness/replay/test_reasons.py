@@ -173,6 +173,7 @@ PLANTED = {
     "no_path": {"iterations": 7, "waited_s": 0.0},
     "goal_blocked": {"waited_s": 0.0, "cell_state": "occupied"},
     "localization_lost": {"sigma_m": 0.6, "limit_m": 0.5},
+    "old_evidence": {"delay_s": 0.7, "deadline_s": 0.5},
     "late": {"delay_s": 0.3, "deadline_s": 0.25},
     "arrived": {"distance_m": 0.1, "limit_m": 0.4},
     "commanded": {"free_m": 1.0},
