@@ -43,7 +43,8 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
         unseen = sum(part.kind == UNSEEN for part in case.found.parts)
         seconds = case.way[-1].time - case.way[0].time
         what = [
-            f"A recorded robot drove from the start to the goal in {seconds:.1f} s.",
+            f"A recorded robot drove from the start to the goal in {seconds:.1f} s; they are the "
+            "first and the last place of its way with room for this robot.",
             f"The world is what it saw; {unseen} solids named `{UNSEEN}` stand where it saw "
             "nothing: a verdict that names one of them hangs on what nobody saw.",
         ]

@@ -6,16 +6,19 @@ The world is the last map in the plane, extruded. Cells that no beam decided are
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from wayproof.harness.config import Config
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import Log, as_truth
 from wayproof.harness.map_files.files import moment_at, plane_of
 from wayproof.harness.regress.scene import Case, Place, place_of
+from wayproof.harness.scenario.robots import find_robot
 from wayproof.maps import FREE, OCCUPIED
 from wayproof.models.world_files import WorldFileError
 from wayproof.models.world_files.cells import cell_boxes
@@ -34,13 +37,16 @@ BORDER = 0.5
 def case_of_recording(log: Log, robot: str, seed: int) -> Case:
     """Return the scenario of the log of a recording.
 
+    Start and goal are the first and the last place of the way at which the robot fits.
+
     Args:
         log: Log that `wayproof shadow` wrote.
         robot: Robot that drives: a name, or a spec file.
         seed: Seed of the noise.
 
     Raises:
-        InputError: The recording has no way, or its map is more than a world may hold.
+        InputError: The recording has no way, the robot fits nowhere on it, or the map is more than
+            a world may hold.
     """
     way = tuple(place_of(as_truth(motion)) for motion in log.motions())
     if len(way) < 2:
@@ -64,6 +70,14 @@ def case_of_recording(log: Log, robot: str, seed: int) -> Case:
     except WorldFileError as error:
         raise InputError(str(error)) from None
     high = [corner + cells * resolution for corner, cells in zip(low, occupied.shape, strict=False)]
+    config = Config("", robot, seed)
+    room = find_robot(config).spec.radius + config.costmap.localization_margin
+    way = tuple(_with_room(way, occupied | unseen, low, resolution, room))
+    if len(way) < 2:
+        raise InputError(
+            f"log '{log.path}': robot '{robot}', {room:.2f} m with its margin, fits nowhere on the "
+            "recorded way, expected a smaller one"
+        )
     first, last = way[0], way[-1]
     ends = Ends(
         low=(low[0], low[1], -0.5),
@@ -72,7 +86,22 @@ def case_of_recording(log: Log, robot: str, seed: int) -> Case:
         start_heading=first.heading,
         goal=(last.x, last.y, 0.0),
     )
-    return Case(Config("", robot, seed), Found(parts=parts, plane=True), ends, way)
+    return Case(config, Found(parts=parts, plane=True), ends, way)
+
+
+def _with_room(
+    way: tuple[Place, ...],
+    solid: NDArray[np.bool_],
+    low: tuple[float, float, float],
+    resolution: float,
+    room: float,
+) -> Iterator[Place]:
+    """Yield the places with room to every solid cell (nx, ny)."""
+    clearance = (ndimage.distance_transform_edt(~solid) - 0.5) * resolution
+    for place in way:
+        i, j = int((place.x - low[0]) // resolution), int((place.y - low[1]) // resolution)
+        if clearance[i, j] > room:
+            yield place
 
 
 def _driven(

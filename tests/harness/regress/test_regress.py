@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import subprocess
 import sys
@@ -10,7 +11,9 @@ import sys
 import pytest
 
 from wayproof.harness.cli.main import main
+from wayproof.harness.config import Config
 from wayproof.harness.log.reader import open_log
+from wayproof.harness.scenario.scenario import build
 
 
 @pytest.fixture(scope="module")
@@ -69,6 +72,25 @@ def test_pytest_fails_until_the_stack_is_mended(failure, tmp_path):
     found = run_pytest(mended, tmp_path)
     assert found.returncode == 0, found.stdout
     assert 'name="success.every' in (tmp_path / "junit.xml").read_text()
+
+
+def test_a_recording_becomes_a_world_whose_unseen_parts_are_named(tmp_path):
+    log, recording, test = (tmp_path / name for name in ("log.mcap", "rec.mcap", "test"))
+    words = ["run", "warehouse", "--robot", "quadruped", "--seed", "3"]
+    main([*words, "--set", "episode.time_limit=4", "--log", str(log)])
+    assert main(["shadow", str(log), "--robot", "quadruped", "--log", str(recording)]) == 0
+    words = ["regress", str(recording), "--out", str(test)]
+    assert main([*words, "--robot", "quadruped"]) == 0
+    scenario = build(Config(str(test / "world.xml"), "quadruped", 0))
+    kinds = {name.rpartition("_")[0] for name in scenario.world.solid_names}
+    assert kinds == {"wall", "unseen"}
+    driven = [truth.position for truth in open_log(log).truth()]
+    for place, recorded in (
+        (scenario.mission.start, driven[0]),
+        (scenario.mission.goal, driven[-1]),
+    ):
+        assert math.dist(place[:2], recorded[:2]) < 0.5
+    assert main([*words, "--robot", "no-such"]) == 2
 
 
 def run_pytest(words, folder):
