@@ -35,7 +35,7 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
                 log, folder, engine, options.at_most, watch.finished, console.print, options.robot
             )
         except KeyboardInterrupt:
-            text = "what was tried is kept, and the same command goes on"
+            text = "what was tried is kept, and the same command continues"
             raise Interrupted(text) from None
     console.print(f"before: {shrunk.before.in_words()}")
     console.print(f"after:  {shrunk.after.in_words()}")
@@ -45,7 +45,9 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     assert finding is not None
     console.print(f"{shrunk.outcome}, cause: {finding.cause}, {shrunk.check}: {finding.evidence}")
     if not shrunk.ended:
-        console.print(f"stopped by --at-most {options.at_most}; the same command goes on with more")
+        console.print(
+            f"stopped by --at-most {options.at_most}; the same command with more continues"
+        )
     draw_episode(small, case, finding, folder / "shrunk.png", console)
     command = command_of(small, shrunk.world)
     for line in (f"log: {shrunk.log}", f"again: {command}"):

@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 KEPT = ".wayproof"
 """Folder with the logs, beside a study file."""
 
+FIELDS = {"name", "robots", "seeds"}
+"""Fields by which a TOML file is known for a study."""
+
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Add the options."""
@@ -46,8 +49,11 @@ def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Col
         return None
     from wayproof.models.toml_text import parse_toml
 
-    fields = parse_toml(file_path.read_text(encoding="utf-8"))
-    if not {"name", "robots", "seeds"} <= fields.keys():
+    try:
+        fields = parse_toml(file_path.read_text(encoding="utf-8"))
+    except ValueError:  # no TOML: the study says so when it is read
+        fields = dict.fromkeys(FIELDS)
+    if not fields.keys() >= FIELDS:
         return None
     study: pytest.Collector = StudyTests.from_parent(parent, path=file_path)
     return study
@@ -109,11 +115,15 @@ class GateTest(pytest.Item):
         Raises:
             pytest.fail.Exception: It is not, or an episode did not run.
         """
+        from wayproof.harness.errors import InputError
         from wayproof.harness.study.gates import gate_in_words
         from wayproof.harness.study.lost import lost_in_words
 
         assert isinstance(self.parent, StudyTests)
-        result = self.parent.result
+        try:
+            result = self.parent.result
+        except InputError as error:
+            pytest.fail(str(error), pytrace=False)
         judged = [one for one in result.gates if one.gate == self.gate]
         lines: Sequence[str] = [
             f"{one.verdict}: {gate_in_words(one)}" for one in judged if one.verdict != "held"

@@ -1,4 +1,4 @@
-"""A failure as a scenario of which parts can be taken away: settings, solids, movers, ends."""
+"""A failure as a scenario whose parts can be taken away: settings, solids, movers, ends."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Search for the smallest scenario that fails as a log did: same outcome, same cause.
 
 Every scenario is an episode by its content, with its log in a folder, so that a search that was
-interrupted goes on, and no episode is run twice.
+interrupted continues, and no episode is run twice.
 """
 
 from __future__ import annotations

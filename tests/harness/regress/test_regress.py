@@ -74,6 +74,25 @@ def test_pytest_fails_until_the_stack_is_mended(failure, tmp_path):
     assert 'name="success.every' in (tmp_path / "junit.xml").read_text()
 
 
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("name = ", "test.toml"),
+        ('name = "x"\nworlds = ["lost.xml"]\nrobots = ["drone"]\nseeds = 1\n'
+         'gates = ["success.every >= 1"]\n', "lost.xml"),
+        ('name = "x"\nworlds = ["empty"]\nrobots = ["drone"]\nseeds = 1\n', "no gates"),
+    ],
+)  # fmt: skip
+def test_a_test_that_cannot_run_fails_in_a_line(tmp_path, text, said):
+    (tmp_path / "test.toml").write_text(text)
+    words = [sys.executable, "-m", "pytest", "-q", "--wayproof", str(tmp_path), str(tmp_path)]
+    found = run_pytest(words, tmp_path)
+    assert found.returncode in (1, 2)
+    assert said in found.stdout
+    assert "Traceback" not in found.stdout + found.stderr
+    assert "INTERNALERROR" not in found.stdout + found.stderr
+
+
 def test_a_recording_becomes_a_world_whose_unseen_parts_are_named(tmp_path):
     log, recording, test = (tmp_path / name for name in ("log.mcap", "rec.mcap", "test"))
     words = ["run", "warehouse", "--robot", "quadruped", "--seed", "3"]
