@@ -29,7 +29,7 @@ CHAPTERS = {
         *("robots", "worlds", "sensors", "planning"),
     ],
     "Judge and explain": ["explain", "causes", "log"],
-    "Study and gate": ["studies", "perturbations"],
+    "Study and gate": ["studies", "ci", "perturbations"],
     "How it works": ["maps", "evidence"],
     "Reference": [
         *("reference/cli", "reference/config", "reference/data", "measured"),

@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 SHOWN_FOREIGN = 10
 """Maximum number of lines about logs of other episodes; `--json` has all."""
 
+ACTION = "./wayproof"
+"""Where a workflow finds the action unless it is named."""
+
 VERDICT_STYLES = {
     "complete": "green",
     "held": "green",
@@ -46,6 +49,8 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     from wayproof.harness.study.store import Store, merge
     from wayproof.harness.study.study import shard
 
+    if options.new:
+        return _new(options, console)
     check_engine(options)
     if options.sample < 1:
         raise InputError(f"--sample {options.sample}: expected at least 1")
@@ -87,6 +92,20 @@ def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     certificate = _certify(options, console, study, planned, store)
     code = code if certificate.identical else 1
     return code, {**document, "determinism": asdict(certificate)}
+
+
+def _new(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
+    """Write a study file and a workflow in the working folder."""
+    from wayproof.harness.study.file import read_study, seeds_of
+    from wayproof.harness.study.new import write_new
+
+    file, workflow = write_new(options.file, options.set, options.action, Path())
+    seeds = len(seeds_of(read_study(str(file), allow_plugins=True)))
+    console.print(f"{file}: {seeds} seeds; {workflow}: runs it for every pull request")
+    if options.action == ACTION:
+        console.print(f"{ACTION} is a copy of Wayproof: git submodule add ADDRESS {ACTION}")
+    console.print(f"next: wayproof study {file} --allow-plugins", soft_wrap=True)
+    return 0, {"study": str(file), "workflow": str(workflow), "seeds": seeds}
 
 
 def _going_on(console: Console, study: StudyFile, going_on: StudyFile) -> StudyFile:
@@ -249,6 +268,8 @@ VERB = Verb(
             "folder of the study (default: logs/NAME, with the kind behind it)",
             Path,
         ),
+        arg("--new", "run nothing; write the study, with --set, as a file here, and a workflow"),
+        arg("--action WHERE", "action of the workflow", default=ACTION, needs=["--new"]),
         arg("--shard I/N", "run only the I-th of N parts"),
         arg("--merge FOLDER", "copy finished episodes from other folders", Path, nargs="+"),
         arg("--until-decided", "add seeds until every gate is held or one fails, then stop"),

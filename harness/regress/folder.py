@@ -5,7 +5,6 @@ from __future__ import annotations
 import shlex
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import msgspec
 
@@ -15,6 +14,8 @@ from wayproof.harness.errors import InputError
 from wayproof.harness.outputs import written_whole
 from wayproof.harness.regress.reductions import changed_settings
 from wayproof.harness.regress.scene import Case
+from wayproof.harness.study.file import StudyFile
+from wayproof.harness.study.new import study_text
 
 WORLD, TEST, PAGE = "world.xml", "test.toml", "README.md"
 
@@ -45,18 +46,17 @@ def write_test(
     except OSError as error:
         raise InputError(f"--out '{folder}': {error.strerror}") from None
     config, stack = case.config, case.config.stack.name
-    fields: dict[str, Any] = {
-        "name": name, "worlds": [WORLD], "robots": [config.robot], "seeds": list(seeds),
-        "gates": list(GATES),
-    }  # fmt: skip
-    if stack != BUILTIN:
-        fields["stacks"] = [stack]
     given = ["start", "goal", "waypoints", "perturbation"]
     names = [*changed_settings(config), *(one for one in given if getattr(config, one))]
-    settings = {one: msgspec.to_builtins(value_of(config, one)) for one in names}
-    lines = [f"{key} = {toml_of(value)}" for key, value in fields.items()]
-    if settings:
-        lines += ["", "[set]", *(f'"{key}" = {toml_of(one)}' for key, one in settings.items())]
+    study = StudyFile(
+        name=name,
+        worlds=[WORLD],
+        robots=[config.robot],
+        stacks=[] if stack == BUILTIN else [stack],
+        seeds=list(seeds),
+        settings={one: msgspec.to_builtins(value_of(config, one)) for one in names},
+        gates=list(GATES),
+    )
     run = f"wayproof study {TEST} --set stacks=YOUR_STACK"
     page = [
         f"# {name}", "", *what, "",
@@ -67,28 +67,12 @@ def write_test(
     ]  # fmt: skip
     for file, text in (
         (WORLD, case.text()),
-        (TEST, "\n".join([*lines, ""])),
+        (TEST, study_text(study)),
         (PAGE, "\n".join([*page, ""])),
     ):
         with written_whole(folder / file, "--out") as partial:
             partial.write_text(text, encoding="utf-8")
     return folder / TEST
-
-
-def toml_of(value: Any) -> str:
-    """Return a value of JSON as TOML has it inline.
-
-    Raises:
-        InputError: It is none.
-    """
-    if isinstance(value, dict):
-        held = {key: one for key, one in value.items() if one is not None}
-        return "{" + ", ".join(f"{key} = {toml_of(one)}" for key, one in held.items()) + "}"
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(map(toml_of, value)) + "]"
-    if value is None:
-        raise InputError("a setting without a value, which no study file can hold")
-    return msgspec.json.encode(value).decode()
 
 
 def command_of(test: Path) -> str:

@@ -1,6 +1,12 @@
-"""Plugin of pytest: each gate of the studies below `--wayproof FOLDER` is a test.
+"""Plugin of pytest: a gate of a study is a test, and a test runs for each seed of an episode.
 
-Episodes are kept in the folder's `.wayproof`, so a second run asks only for what has changed.
+Each gate of the studies below `--wayproof FOLDER` is a test. Their episodes are kept in
+`.wayproof` beside the study file, so a second run asks only for what has changed. A test function
+of the marker `wayproof` runs once for each seed, with the log of that episode:
+
+    @pytest.mark.wayproof("warehouse", robot="drone", stack="my_stack.py:MyStack", seeds=5)
+    def test_it_arrives(episode):
+        assert episode.outcome == "success"
 """
 
 from __future__ import annotations
@@ -15,10 +21,13 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 if TYPE_CHECKING:
+    from wayproof.harness.api.episode import RecordedEpisode
     from wayproof.harness.study.result import StudyResult
 
 KEPT = ".wayproof"
 """Folder with the logs, beside a study file."""
+
+MARKER = "wayproof"
 
 FIELDS = {"name", "robots", "seeds"}
 """Fields by which a TOML file is known for a study."""
@@ -38,7 +47,12 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Collect the folders of `--wayproof` beside what is collected anyway."""
+    """Collect the folders of `--wayproof` beside what is collected anyway; name the marker."""
+    config.addinivalue_line(
+        "markers",
+        f"{MARKER}(world, robot=, seeds=, ...): run with the `episode` of each seed, a number of "
+        "seeds or a list; the other arguments are those of `wayproof.run`",
+    )
     config.args.extend(str(folder) for folder in config.getoption("--wayproof"))
 
 
@@ -57,6 +71,35 @@ def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Col
         return None
     study: pytest.Collector = StudyTests.from_parent(parent, path=file_path)
     return study
+
+
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    """Run a test of the marker once for each of its seeds."""
+    marker = metafunc.definition.get_closest_marker(MARKER)
+    if marker is None or "episode" not in metafunc.fixturenames:
+        return
+    seeds = marker.kwargs.get("seeds", 1)
+    numbers = range(seeds) if isinstance(seeds, int) else list(seeds)
+    metafunc.parametrize("episode", numbers, ids=[f"seed {one}" for one in numbers], indirect=True)
+
+
+@pytest.fixture
+def episode(request: pytest.FixtureRequest, tmp_path: Path) -> RecordedEpisode:
+    """Episode of one seed of the marker `wayproof`; a failing test names its log."""
+    import wayproof
+
+    marker = request.node.get_closest_marker(MARKER)
+    if marker is None:
+        pytest.fail(f"fixture 'episode': expected a test of the marker '{MARKER}'", pytrace=False)
+    given = {name: value for name, value in marker.kwargs.items() if name != "seeds"}
+    log = tmp_path / "episode.mcap"
+    try:
+        ran = wayproof.run(*marker.args, seed=request.param, log=log, **given)
+    except (wayproof.InputError, TypeError) as error:  # a name of the marker, or its value
+        pytest.fail(f"marker '{MARKER}': {error}", pytrace=False)
+    lines = [f"{ran.outcome} {ran.reason}".strip(), f"next: wayproof explain {log}"]
+    request.node.add_report_section("call", "wayproof", "\n".join(lines))
+    return ran
 
 
 class StudyTests(pytest.File):

@@ -64,6 +64,8 @@ UNTYPED = {
     r"\. \.venv/bin/activate": "the tests run in an environment already",
     r"pip install .*": "installs from the network",
     r"wayproof import robot my_robot.*": "the reader's own robot",
+    r"ray start .*": "starts what outlives the page",
+    r"wayproof study .* --engine ray .*": "tests/harness/study/test_cluster.py runs it",
     r"wayproof bench .*": "tests/harness/bench/test_bench.py runs it",
     r"python -m tests.tools.trials.robots.*": "tests/of_tools/test_robots.py runs it",
     r"python -m tests.tools.statistics.*": "tests/of_tools/test_verdicts.py runs it",
@@ -330,7 +332,7 @@ def check_against_parser(words):
         )
         assert found, words
     else:
-        assert program in ("pip", ".", "c++", "export"), words
+        assert program in ("pip", ".", "c++", "export", "ray"), words
 
 
 def _end(words):

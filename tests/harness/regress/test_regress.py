@@ -115,3 +115,35 @@ def test_a_recording_becomes_a_world_whose_unseen_parts_are_named(tmp_path):
 def run_pytest(words, folder):
     own = {name: text for name, text in os.environ.items() if not name.startswith("PYTEST")}
     return subprocess.run(words, cwd=folder, env=own, text=True, capture_output=True, check=False)
+
+
+MARKED = """\
+import pytest
+
+
+@pytest.mark.wayproof("empty", robot="drone", seeds=[1, 2], goals=[(5.5, 4.0)],
+                      settings={"start": [4.0, 4.0], "episode.time_limit": 6.0})
+def test_it_arrives_by_seed(episode):
+    assert (episode.outcome, episode.config.seed) == ("success", 1)
+
+
+@pytest.mark.wayproof("nowhere", robot="drone")
+def test_of_no_world(episode):
+    pass
+
+
+def test_without_the_marker(episode):
+    pass
+"""
+
+
+def test_a_marked_test_runs_for_each_seed(tmp_path):
+    (tmp_path / "test_mine.py").write_text(MARKED)
+    words = [sys.executable, "-m", "pytest", "-q", "--strict-markers", str(tmp_path)]
+    found = run_pytest(words, tmp_path)
+    assert "1 passed" in found.stdout
+    assert "1 failed, 1 passed, 2 errors" in found.stdout
+    assert "test_it_arrives_by_seed[seed 2]" in found.stdout
+    assert "next: wayproof explain" in found.stdout
+    assert "marker 'wayproof': unknown world 'nowhere'" in found.stdout
+    assert "expected a test of the marker" in found.stdout
