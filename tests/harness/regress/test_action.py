@@ -18,8 +18,8 @@ name = "ci"
 worlds = ["empty"]
 robots = ["drone"]
 stacks = ["mine.py:Mine"]
-seeds = 8
-gates = ["collisions.mean <= 0.9"]
+seeds = 2
+gates = ["collisions.every <= 0"]
 
 [set]
 start = [4.0, 4.0]
@@ -96,14 +96,14 @@ def repository(tmp_path):
 
 
 def test_a_pull_request_is_judged_against_the_base_branch(repository):
-    runner = Runner(repository, study="ci.toml", gates="success.drop <= 0.3")
+    runner = Runner(repository, study="ci.toml", gates="success.every >= 1")
     assert runner.run("Run the study", "Verdict") == 0
-    assert "collisions.mean" in runner.summary.read_text()
-    assert "success.drop" not in runner.summary.read_text()
+    assert "collisions.every" in runner.summary.read_text()
+    assert "success.every" not in runner.summary.read_text()
     (repository / "mine.py").write_text(BROKEN)
     assert runner.run("Run the study", "Verdict") == 1
     summary = runner.summary.read_text()
-    assert "❌ failed | success.drop" in summary
+    assert "❌ failed | success.every" in summary
     assert "wayproof explain" in summary
     assert (repository / "wayproof-results" / "compare.xml").is_file()
 
