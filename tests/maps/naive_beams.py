@@ -2,8 +2,6 @@
 
 from fractions import Fraction
 
-import numpy as np
-
 HALVES = 1024
 WHOLE = 2**40
 
@@ -39,14 +37,3 @@ def naive_cells(sensor, end, returned, guard):
     if guard and returned and end[2] < cell[2] and (guard == "own" or end[2] == 0):
         crossed = {c for c in crossed if c[2] != end[2]}
     return crossed
-
-
-def random_sweep(rng, count, reach_mm):
-    directions = rng.normal(size=(count, 3))
-    directions[::7] = np.eye(3)[rng.integers(0, 3, len(directions[::7]))]
-    directions[3::7] = rng.choice([-1.0, 1.0], (len(directions[3::7]), 3)) * [1.0, 1.0, 0.0]
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    ranges_mm = rng.integers(1, reach_mm, count).astype(np.uint16)
-    ranges_mm[::5] = 65535
-    ranges_mm[::11] = 0
-    return directions, ranges_mm

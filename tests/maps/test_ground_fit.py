@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from tests.maps.sweeps import scan
 from wayproof.maps.ground_fit import TILE, fit_ground, level
 from wayproof.maps.kernels import ground_fit as kernels
 from wayproof.maps.missing_floor import lost_echoes_of_one
@@ -17,12 +18,8 @@ RANGE_M = 15.0
 
 def beams(rows=40, columns=120):
     """Directions of a scanner, from 60 degrees down to 10 up."""
-    elevation = np.radians(np.linspace(-60.0, 10.0, rows))[:, None]
-    azimuth = np.linspace(-math.pi, math.pi, columns, endpoint=False)[None]
-    shape = rows, columns
-    x, y = np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth)
-    z = np.broadcast_to(np.sin(elevation), shape)
-    return np.stack([x, y, z], axis=-1).reshape(-1, 3).copy()
+    around = np.linspace(-math.pi, math.pi, columns, endpoint=False)
+    return scan(np.radians(np.linspace(-60.0, 10.0, rows)), around)
 
 
 def cast(directions, slopes=(0.0, 0.0), height=0.0, wall_x=4.0, noise=0.0, seed=0):
@@ -134,13 +131,11 @@ def test_a_low_step_is_no_noise_of_the_floor():
 
 def between_walls(front, aside, behind, noise=0.02):
     """Beams of a scanner that looks 16.6 degrees down, four walls about it; and ranges, mm."""
-    elevation = np.radians(np.linspace(-16.6, 16.6, 64))[:, None]
-    azimuth = np.linspace(-math.pi, math.pi, 1024, endpoint=False)[None]
-    x, y = np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth)
-    z = np.broadcast_to(np.sin(elevation), x.shape)
-    directions = np.stack([x, y, z], axis=-1).reshape(-1, 3)
+    around = np.linspace(-math.pi, math.pi, 1024, endpoint=False)
+    directions = scan(np.radians(np.linspace(-16.6, 16.6, 64)), around)
+    x, y, z = directions.T
     ways = [(x, front), (-x, behind), (np.abs(y), aside), (-z, LOW_SENSOR[0, 2])]
-    ranges = np.min([far / np.maximum(along.ravel(), 1e-9) for along, far in ways], axis=0)
+    ranges = np.min([far / np.maximum(along, 1e-9) for along, far in ways], axis=0)
     ranges += noise * np.random.default_rng(5).standard_normal(len(ranges))
     return directions, np.rint(ranges * 1e3).astype(np.uint16)
 

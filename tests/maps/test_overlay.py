@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.maps.sweeps import scattered
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN, Costmap, CostmapConfig, MapConfig, VoxelMap
 from wayproof.maps.columns import Window, unpack
 from wayproof.maps.overlay import CellLayer, Overlaid
@@ -124,9 +125,7 @@ def test_a_costmap_of_both_is_that_of_the_combined_cells_after_every_sweep(motio
     both = Overlaid(voxel_map, layer)
     costmap = Costmap(costs, both, low, high, motion, **body)
     for step in range(4):
-        directions = rng.standard_normal((300, 3))
-        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-        ranges = rng.integers(300, 2500, 300).astype(np.uint16)
+        directions, ranges = scattered(rng, 300, 300, 2500)
         voxel_map.integrate((2.0, 1.5, 0.5), directions, ranges, 3.0, step * 100_000_000)
         costmap.update(costs.localization_margin)
         fresh = Costmap(costs, Overlaid(voxel_map, layer), low, high, motion, **body)

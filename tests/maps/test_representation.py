@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tests.maps.counting_map import CountingMap, HalvingMap
+from tests.maps.sweeps import scattered
 from wayproof.maps import (
     FREE,
     MAPS,
@@ -42,15 +43,8 @@ def look(a_map, *ranges_mm, directions=None, origin=EYE, time_ns=0, limit=3.0, m
     return a_map.integrate(origin, *arguments)
 
 
-def scattered(seed, count=300):
-    rng = np.random.default_rng(seed)
-    directions = rng.normal(size=(count, 3))
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    return rng.integers(300, 2500, count).astype(np.uint16), directions
-
-
 def look_around(a_map, seed, **keywords):
-    ranges_mm, directions = scattered(seed)
+    directions, ranges_mm = scattered(np.random.default_rng(seed), 300, 300, 2500)
     return look(a_map, *ranges_mm, directions=directions, **keywords)
 
 
@@ -247,7 +241,7 @@ def test_every_change_is_logged_and_a_costmap_follows(kind, motion):
 def test_the_order_of_beams_does_not_count(kind):
     alone, shuffled = make(kind), make(kind)
     for k in range(3):
-        ranges_mm, directions = scattered(k)
+        directions, ranges_mm = scattered(np.random.default_rng(k), 300, 300, 2500)
         order = np.random.default_rng(k).permutation(len(directions))
         statistics = [
             look(alone, *ranges_mm, directions=directions),

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from tests.maps.sweeps import scattered
 from wayproof.maps import OCCUPIED, MapConfig, VoxelMap
 from wayproof.maps.grid import centres
 from wayproof.maps.kernels import labels as kernels
@@ -94,9 +95,7 @@ def test_a_full_count_stays():
 
 def random_sweep(seed, moments=1, count=400):
     rng = np.random.default_rng(seed)
-    directions = rng.normal(size=(count, 3))
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    ranges_mm = rng.integers(200, 3500, count).astype(np.uint16)
+    directions, ranges_mm = scattered(rng, count, 200, 3500)
     ranges_mm[::7], ranges_mm[1::7] = 0, 65535
     labels = rng.integers(0, 4, count).astype(np.uint8)
     labels[::5] = UNLABELLED

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.maps.sweeps import scattered
 from wayproof.maps import (
     FREE,
     OCCUPIED,
@@ -30,9 +31,7 @@ def seen(seed, sweeps=1):
 
 def look(voxel_map, layer, seed):
     rng = np.random.default_rng(seed)
-    directions = rng.normal(size=(60, 3))
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    ranges_mm = rng.integers(400, 2000, 60).astype(np.uint16)
+    directions, ranges_mm = scattered(rng, 60, 400, 2000)
     labels = rng.integers(0, 3, 60).astype(np.uint8)
     voxel_map.integrate((0.0, 0.0, 0.5), directions, ranges_mm, 3.0, seed)
     layer.integrate_sweep((0.0, 0.0, 0.5), directions, ranges_mm, (0.3, 3.0), labels)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from tests.maps.naive_beams import random_sweep
+from tests.maps.sweeps import random_sweep
 from wayproof.maps.kernels import beams as kernels
 
 

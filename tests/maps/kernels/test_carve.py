@@ -103,7 +103,8 @@ def test_of_beams_from_and_to_anywhere_the_cells_in_a_box_are_marked(run):
     rng = np.random.default_rng(5)
     shape, size = (16, 32, 2), np.array([16, 32, 128])
     met = 0
-    for k in range(400 if run == "compiled" else 10):
+    count = 80 if run == "compiled" else 10
+    for k in range(count):
         box = np.sort(rng.integers(0, size, (2, 3)), axis=0)
         wide = size + 40
         sensor = (2 * rng.integers(-40 * 512, wide * 512) + 1).tolist()
@@ -125,7 +126,7 @@ def test_of_beams_from_and_to_anywhere_the_cells_in_a_box_are_marked(run):
         assert free == expected
         assert hits == (inside(map(tuple, ends.tolist())) if hit else set())
         met += len(expected) > 0
-    assert met > (200 if run == "compiled" else 4)
+    assert met > 0.4 * count
 
 
 def exact_columns(sensor, end):
@@ -166,7 +167,7 @@ def test_beams_that_are_cut_short_where_all_is_marked_cross_what_whole_ones_do(r
 
     if run == "python":
         monkeypatch.setattr(kernels, "marked_slabs", noted)
-    for k in range(5 if run == "compiled" else 2):
+    for k in range(2):
         sensor = (2 * rng.integers(10 * 512, (size - 10) * 512) + 1).tolist()
         own = np.array(sensor) // HALVES
         # A room with a gap and a floor: near the sensor every cell is crossed many times.
@@ -176,7 +177,7 @@ def test_beams_that_are_cut_short_where_all_is_marked_cross_what_whole_ones_do(r
         floor = np.column_stack([rng.integers(2, 46, 500), rng.integers(2, 62, 500)])
         floor = np.column_stack([floor, np.full(500, max(own[2] - 9, 0))])
         ends = np.unique(np.clip(np.vstack([ends, floor]), 0, size - 1), axis=0)
-        ends = rng.permutation(ends)[: 3000 if run == "compiled" else 1200].tolist()
+        ends = rng.permutation(ends)[:1200].tolist()
         free, _ = carve(run, sensor, ends, shape, int(max(own[2] - 9, 0)), bool(k % 2))
         assert free == expected_cells(sensor, ends, int(max(own[2] - 9, 0)), bool(k % 2))
     assert run == "compiled" or np.count_nonzero(cut) > 50

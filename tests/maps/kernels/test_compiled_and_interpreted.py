@@ -7,6 +7,7 @@ import sys
 import pytest
 
 VOXEL_MAP = """
+import zlib
 import numpy as np
 from wayproof.maps import Costmap, CostmapConfig, MapConfig, VoxelMap
 rng = np.random.default_rng(1)
@@ -19,13 +20,16 @@ for k in range(3):
     voxel_map.integrate((k - 0.5, 0.9, 0.4), directions, ranges_mm, 1.5, k * 10**9)
 voxel_map.mark_free_sphere((1, 1, 0.5), 0.3, 3 * 10**9)
 print(voxel_map.version(), voxel_map.observed_ns_at([[1, 1, 0.3]]), voxel_map.counts())
-box = (0, 0, -0.3), (2.1, 1.8, 0.9)
-for motion in ("ground", "air"):
-    costmap = Costmap(CostmapConfig(), voxel_map, *box, motion, 0.1, 0.5, 0.15)
-    print(int(costmap.clearance.sum()), int(costmap.obstacle_clearance.sum()))
+box = (0, 0, -0.3), (1.2, 1.0, 0.7)
+def fields(motion, **config):
+    costmap = Costmap(CostmapConfig(**config), voxel_map, *box, motion, 0.1, 0.5, 0.15)
+    fields = costmap.state, costmap.clearance, costmap.obstacle_clearance
+    return [zlib.crc32(field.tobytes()) for field in fields]
+print(fields("ground"), fields("air"))
 """
 
 VOXEL_QUERIES = """
+print(fields("ground", max_slope=0.3))
 print(voxel_map.probability_at([[1, 1, 0.3]]), voxel_map.cast_ray((1, 1, 0.5), (1, 2, 3), 2))
 """
 
@@ -45,7 +49,7 @@ for make in (Grid2D, TsdfMap):
     block_map.mark_floor((0, 0), (1, 1), 3 * 10**9)
     block_map.advance(60 * 10**9)
     print(block_map.version(), block_map.counts(), block_map.probability_at([[1, 1, 0.3]]))
-    box = (0, 0, -0.3), (2.1, 1.8, 0.9)
+    box = (0, 0, -0.3), (1.2, 1.0, 0.7)
     costmap = Costmap(CostmapConfig(), block_map, *box, "ground", 0.1, 0.5, 0.15)
     print(int(costmap.clearance.sum()), int(costmap.obstacle_clearance.sum()))
 """
@@ -81,21 +85,28 @@ def run(script, **environment):
     return result.stdout
 
 
-@pytest.mark.few(1)
-@pytest.mark.parametrize("script", [VOXEL_MAP + VOXEL_QUERIES, BLOCK_MAPS], ids=["voxel", "block"])
-def test_compiled_interpreted_and_bounds_checked_runs_agree(tmp_path, script):
-    compiled = run(script)
-    assert "occupied" in compiled
-    assert run(script, NUMBA_DISABLE_JIT="1") == compiled
-    assert run(script, **CHECKED, NUMBA_CACHE_DIR=str(tmp_path)) == compiled
-
-
-@pytest.mark.parametrize(
-    ("maps", "script"), [(("voxel",), VOXEL_MAP), (("grid2d", "tsdf"), BLOCK_MAPS)]
+CASES = pytest.mark.parametrize(
+    ("maps", "script", "queries"),
+    [(("voxel",), VOXEL_MAP, VOXEL_QUERIES), (("grid2d", "tsdf"), BLOCK_MAPS, "")],
+    ids=["voxel", "block"],
 )
-def test_nothing_is_compiled_after_the_warm_up(maps, script):
+
+
+@CASES
+def test_interpreted_runs_agree_and_nothing_is_compiled_after_the_warm_up(maps, script, queries):
     warm_up = "".join(f"warm_up({name!r})\ncounts.append(signatures())\n" for name in maps)
-    result = run(COUNT_COMPILED + warm_up + script + "print(*counts, signatures())")
-    *counts, last = map(int, result.splitlines()[-1].split())
+    counted = f"{COUNT_COMPILED}{warm_up}{script}counts.append(signatures())\n{queries}"
+    lines = run(counted + "print(*counts)").splitlines()
+    *counts, last = map(int, lines.pop().split())
     assert counts[0] < counts[1]  # the warm-up compiles something
     assert last == counts[-1]  # and all there is to compile
+    assert "occupied" in "".join(lines)
+    assert run(script + queries, NUMBA_DISABLE_JIT="1").splitlines() == lines
+
+
+@pytest.mark.large
+@CASES
+def test_runs_with_bounds_checks_agree(tmp_path, maps, script, queries):
+    """Without compiling, Python checks most of these bounds as well."""
+    whole = script + queries
+    assert run(whole, **CHECKED, NUMBA_CACHE_DIR=str(tmp_path)) == run(whole)

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from tests.maps.sweeps import scan, scattered
 from wayproof.maps import (
     FREE,
     OCCUPIED,
@@ -36,13 +37,6 @@ def log_odds(grid, *cells):
 
 def unit(*direction):
     return [list(np.array(direction) / np.linalg.norm(direction))]
-
-
-def scattered(seed, count=300):
-    rng = np.random.default_rng(seed)
-    directions = rng.normal(size=(count, 3))
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    return directions, rng.integers(300, 2500, count).astype(np.uint16)
 
 
 def test_one_beam_by_hand():
@@ -129,7 +123,7 @@ def naive_marks(origin, directions, ranges_mm, band):
 
 def test_sweeps_are_those_of_naive_slabs():
     grid = make(minimum_range=0.0, min_obstacle_height=0.1, max_obstacle_height=0.7)
-    directions, ranges_mm = scattered(1, 60)
+    directions, ranges_mm = scattered(np.random.default_rng(1), 60, 300, 2500)
     origin = np.array([0.013, -0.021, 0.4])
     look(grid, *ranges_mm, directions=directions, origin=origin)
     cells, crossed, hit, doubt = naive_marks(origin, directions, ranges_mm, (0.1, 0.7))
@@ -144,16 +138,8 @@ def test_sweeps_are_those_of_naive_slabs():
 
 def scene_sweep(origin, boxes, hole=None):
     """A dense sweep over a floor with boxes (low, high); millimetres and directions."""
-    elevation = np.deg2rad(np.linspace(-60.0, 75.0, 90))[:, None]
-    azimuth = np.deg2rad(np.linspace(-40.0, 40.0, 120))
-    directions = np.stack(
-        [
-            np.cos(elevation) * np.cos(azimuth),
-            np.cos(elevation) * np.sin(azimuth),
-            np.sin(elevation) + 0.0 * azimuth,
-        ],
-        axis=-1,
-    ).reshape(-1, 3)
+    rows, columns = np.linspace(-60.0, 75.0, 90), np.linspace(-40.0, 40.0, 120)
+    directions = scan(np.deg2rad(rows), np.deg2rad(columns))
     ranges = np.full(len(directions), np.inf)
     with np.errstate(divide="ignore"):
         floor = np.where(directions[:, 2] < 0, -origin[2] / directions[:, 2], np.inf)

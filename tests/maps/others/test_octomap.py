@@ -5,6 +5,7 @@ import importlib
 import numpy as np
 import pytest
 
+from tests.maps.sweeps import unit_vectors
 from wayproof.maps import FREE, MAPS, OCCUPIED, MapConfig
 from wayproof.maps.grid import centres
 from wayproof.maps.others.octomap import HALF_TREE, TREE_DEPTH, find_leaves
@@ -21,8 +22,7 @@ def sweeps(count, moments=1):
     for _ in range(count):
         origins = rng.uniform(WALLS[0] + 0.5, WALLS[1] - 0.5, (moments, 3))
         moment = (np.arange(BEAMS) * moments // BEAMS).astype(np.int32)
-        directions = rng.normal(size=(BEAMS, 3))
-        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+        directions = unit_vectors(rng, BEAMS)
         start = origins[moment]
         to_wall = np.where(directions > 0, WALLS[1] - start, WALLS[0] - start) / directions
         ranges_mm = np.rint(to_wall.min(axis=1) * 1000).astype(np.uint16)

@@ -4,6 +4,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
+from tests.maps.sweeps import floor_scan, scattered
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN, MapConfig, TsdfMap, states_in
 
 SECOND = 10**9
@@ -24,13 +25,6 @@ def look(tsdf, *ranges_mm, directions=None, origin=EYE, time_ns=0, limit=3.0, **
 def along_x(*cells):
     """Centres of cells ahead of the eye, whose own is 0."""
     return np.array(EYE) + np.array(cells)[:, None] * [0.1, 0.0, 0.0]
-
-
-def scattered(seed, count=300):
-    rng = np.random.default_rng(seed)
-    directions = rng.normal(size=(count, 3))
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    return directions, rng.integers(300, 1600, count).astype(np.uint16)
 
 
 def test_one_beam_by_hand():
@@ -144,7 +138,7 @@ def test_sweeps_are_those_of_a_naive_field():
     held = {i: (0, 0) for i in range(len(cells))}
     doubt = np.zeros(len(cells), bool)
     for seed in range(3):
-        directions, ranges_mm = scattered(seed, 40)
+        directions, ranges_mm = scattered(np.random.default_rng(seed), 40, 300, 1600)
         origin = np.random.default_rng(seed).uniform(-0.2, 0.2, 3)
         look(tsdf, *ranges_mm, directions=directions, origin=origin, spared="none")
         best, unsure = naive_sweep(origin, directions, ranges_mm, cells)
@@ -162,19 +156,7 @@ def test_sweeps_are_those_of_a_naive_field():
 
 
 def test_a_flat_floor_seen_while_walking_stays_whole_and_free_above():
-    elevation = np.deg2rad(np.linspace(-45.0, 15.0, 32))[:, None]
-    azimuth = np.arange(250) * (2.0 * np.pi / 250)
-    directions = np.stack(
-        [
-            np.cos(elevation) * np.cos(azimuth),
-            np.cos(elevation) * np.sin(azimuth),
-            np.sin(elevation) + 0.0 * azimuth,
-        ],
-        axis=-1,
-    ).reshape(-1, 3)
-    with np.errstate(divide="ignore"):
-        ranges = np.where(directions[:, 2] < 0.0, -0.42 / directions[:, 2], np.inf)
-    ranges_mm = np.where(ranges > 8.0, 65535, np.round(1000.0 * ranges)).astype(np.uint16)
+    directions, ranges_mm = floor_scan(0.42)
     tsdf = make(memory_mib=64)
     ever_hit = np.zeros((180, 180), bool)
     box = (-9.0, -9.0, -0.07), (9.0, 9.0, 0.12)

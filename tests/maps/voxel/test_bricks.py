@@ -2,8 +2,9 @@
 
 import numpy as np
 
+from tests.maps.sweeps import scattered
 from wayproof.maps import FREE, UNKNOWN, MapConfig, VoxelMap
-from wayproof.maps.voxel.bricks import BYTES_IN_BRICK, Bricks
+from wayproof.maps.voxel.bricks import BYTES_IN_BRICK
 
 FORWARD = np.array([[1.0, 0.0, 0.0]])
 
@@ -76,9 +77,7 @@ def test_the_change_set_holds_every_cell_whose_state_changed():
     for k in range(60):
         if k % 4 == 0:
             origin = rng.uniform(-2, 2, 3)
-            directions = rng.normal(size=(10, 3))
-            directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-            ranges_mm = rng.integers(300, 2000, 10).astype(np.uint16)
+            directions, ranges_mm = scattered(rng, 10, 300, 2000)
             voxel_map.integrate(origin, directions, ranges_mm, 3.0, k * 500_000_000)
         else:
             voxel_map.advance(k * 500_000_000)
@@ -95,22 +94,6 @@ def test_the_change_set_holds_every_cell_whose_state_changed():
         before = after
     assert 5 < quiet < 60
     assert len(voxel_map.changed(now)[0]) == 0
-
-
-def test_the_directory_finds_what_was_entered_and_not_struck_out():
-    rng = np.random.default_rng(1)
-    bricks, held = Bricks(memory_mib=2), {}
-    for turn in range(200):
-        key = tuple(rng.integers(-3, 4, 3).tolist())
-        if key in held and turn % 2:
-            bricks.release(np.array([held.pop(key)]), stamp=1)
-        elif len(held) < bricks.capacity - 1:
-            slot = int(bricks.obtain(np.array([key], np.int32), 0, 1)[0])
-            assert held.setdefault(key, slot) == slot
-        keys = np.stack(np.indices((7, 7, 7)), axis=-1).reshape(-1, 3) - 3
-        expected = [held.get(tuple(key), -1) for key in keys.tolist()]
-        assert bricks.find(keys.astype(np.int32)).tolist() == expected
-    assert len(set(held.values())) == len(held) > 20
 
 
 def test_a_cell_that_is_no_longer_free_is_a_change_though_it_is_not_occupied():

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from tests.maps.sweeps import scattered
 from wayproof.maps import MapConfig, VoxelMap
 
 
@@ -8,9 +9,7 @@ def filled(**settings):
     voxel_map = VoxelMap(MapConfig(memory_mib=4, **settings))
     rng = np.random.default_rng(0)
     for k in range(5):
-        directions = rng.normal(size=(50, 3))
-        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-        ranges_mm = rng.integers(300, 3000, 50).astype(np.uint16)
+        directions, ranges_mm = scattered(rng, 50, 300, 3000)
         voxel_map.integrate(rng.uniform(-1, 1, 3), directions, ranges_mm, 4.0, k * 10**9)
     return voxel_map
 

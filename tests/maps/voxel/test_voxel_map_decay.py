@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.maps.kernels.test_decay import naive_tick
-from wayproof.maps import OCCUPIED, UNKNOWN, MapConfig, VoxelMap
+from wayproof.maps import UNKNOWN, MapConfig, VoxelMap
 
 SECOND = 10**9
 EYE = (0.55, 0.55, 0.475)
@@ -86,38 +86,12 @@ def test_a_tick_leaves_the_fresh_and_fades_the_rest_by_hand():
     assert voxel_map.counts() == {"free": 0, "occupied": 0}
 
 
-def test_what_is_seen_between_ticks_does_not_decay():
-    voxel_map = make()
-    look(voxel_map, FORWARD, 0)
-    look(voxel_map, LEFT, 0)
-    for k in range(200):
-        look(voxel_map, FORWARD, k * SECOND + SECOND // 2)
-    assert log_odds(voxel_map, WALL) == 104
-    assert voxel_map.state_at([*WALL, *SIDE]).tolist() == [OCCUPIED, UNKNOWN]
-
-
 def test_zero_half_life_is_no_decay():
     voxel_map = make(half_life=0.0)
     look(voxel_map, FORWARD, 0)
     before = voxel_map.version()
     voxel_map.advance(10_000 * SECOND)
     assert voxel_map.version() == before
-
-
-def test_the_schedule_does_not_depend_on_the_calls():
-    once, often = make(), make()
-    for k in range(12):
-        time_ns = k * 700_000_000
-        look(once, FORWARD if k % 3 else LEFT, time_ns)
-        for fraction in range(0, 700_000_000, 50_000_000):
-            often.advance(max(0, time_ns - 700_000_000 + fraction))
-        look(often, FORWARD if k % 3 else LEFT, time_ns)
-        assert once.version() == often.version()
-    once.advance(40 * SECOND)
-    for k in range(40 * 4 + 1):
-        often.advance(k * SECOND // 4)
-    assert once.version() == often.version()
-    assert once.counts()["free"] > 0
 
 
 def test_a_tick_lies_at_the_multiple_of_its_period():

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from tests.maps.sweeps import scattered
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN, MapConfig, VoxelMap, states_in
 from wayproof.maps.kernels import bricks as kernels
 from wayproof.maps.slot_pool import EVERYWHERE
@@ -41,9 +42,7 @@ def test_rays_meet_what_dense_steps_meet():
     rng = np.random.default_rng(4)
     voxel_map = VoxelMap(MapConfig(half_life=0.0, memory_mib=16))
     for k in range(4):
-        directions = rng.normal(size=(400, 3))
-        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-        ranges_mm = rng.integers(400, 3000, 400).astype(np.uint16)
+        directions, ranges_mm = scattered(rng, 400, 400, 3000)
         voxel_map.integrate(rng.uniform(-0.5, 0.5, 3), directions, ranges_mm, 4.0, k)
     found = 0
     for unknown in (False, True):
@@ -98,9 +97,7 @@ def test_columns_written_where_they_changed_are_those_written_whole(run, low, mo
     points = (cells + np.array([0.5, 0.5, -0.25])) * 0.1
     stamp, wholes = 0, set()
     for k in range(8):
-        directions = rng.normal(size=(60, 3))
-        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-        ranges_mm = rng.integers(300, 3000, 60).astype(np.uint16)
+        directions, ranges_mm = scattered(rng, 60, 300, 3000)
         if k < 5:
             origin = (0.5 + k, 1.5, 0.9)
             voxel_map.integrate(origin, directions, ranges_mm, 2.0, k * 10**9)

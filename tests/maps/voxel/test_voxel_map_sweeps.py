@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from tests.maps.naive_beams import naive_cells, random_sweep
+from tests.maps.naive_beams import naive_cells
+from tests.maps.sweeps import random_sweep
 from wayproof.maps import MapConfig, VoxelMap
 from wayproof.maps.kernels import beams as kernels
 
@@ -40,9 +41,8 @@ def units_of(voxel_map, cells):
     return np.rint(np.log(odds / (1.0 - odds)) * voxel_map.evidence.units).astype(int)
 
 
-def test_a_thousand_sweeps_equal_the_definition_cell_by_cell():
-    sweeps = 0
-    for seed in range(125):
+def test_sweeps_equal_the_definition_cell_by_cell():
+    for seed in range(30):
         rng = np.random.default_rng(seed)
         resolution = float(rng.choice([0.05, 0.1, 0.2]))
         config = MapConfig(
@@ -65,13 +65,11 @@ def test_a_thousand_sweeps_equal_the_definition_cell_by_cell():
                 log_odds, voxel_map, round(limit * 1000), spared, origins, moments, beams
             )
             assert statistics.cells_updated == updated
-            sweeps += 1
         cells = sorted(log_odds)
         values = np.array([log_odds[cell] for cell in cells])
         np.testing.assert_array_equal(units_of(voxel_map, cells), values)
         expected = {"free": np.count_nonzero(values < 0), "occupied": np.count_nonzero(values > 0)}
         assert voxel_map.counts() == expected
-    assert sweeps >= 1000
 
 
 def test_the_longest_beam_does_not_overflow():

@@ -1,5 +1,6 @@
 import numpy as np
 
+from tests.maps.sweeps import scattered
 from wayproof.maps import MapConfig, VoxelMap
 
 
@@ -9,9 +10,7 @@ def make(**settings):
 
 def sweep(voxel_map, seed, time_ns=0):
     rng = np.random.default_rng(seed)
-    directions = rng.normal(size=(200, 3))
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    ranges_mm = rng.integers(300, 3000, 200).astype(np.uint16)
+    directions, ranges_mm = scattered(rng, 200, 300, 3000)
     voxel_map.integrate((2.0, 1.5, 0.9), directions, ranges_mm, 3.0, time_ns)
 
 
