@@ -63,10 +63,8 @@ for job in sys.stdin.read().split():
 """
 
 
-PLANS = int(os.environ.get("PLANS", "4"))
-
-
-"""Of each planner; PLANS=1000 in the environment is the long run."""
+PLANS = int(os.environ.get("PLANS", "2"))
+"""Of each planner, a world in turn; PLANS=1000 in the environment is the long run."""
 
 
 def test_a_plan_is_the_same_in_any_order_and_process(maze, boxes, pytestconfig):

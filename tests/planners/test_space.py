@@ -1,20 +1,113 @@
+"""Free space, bodies in it, and the frontier of what is known."""
+
 import dataclasses
+import hashlib
+import itertools
 import math
 
 import numpy as np
 import pytest
 
-from tests.planners.worlds import LONG, long_space, make_space, point
+from tests.planners.worlds import (
+    LONG,
+    long_space,
+    make_space,
+    point,
+    random_points,
+    random_space,
+    row_of_cells,
+)
 from wayproof.maps import collision_distance_sq
 from wayproof.planners import (
     STATE_SPACES,
     Body,
     Disc,
+    FreeSpace,
     PlannerConfig,
+    best_frontier,
     plan,
+    plan_seed,
+    point_at,
     state_space_for,
+    truncate,
 )
 from wayproof.planners.kernels import angles
+
+
+def test_every_point_before_the_free_length_is_free():
+    rng = np.random.default_rng(5)
+    cut = 0
+    for seed in range(40):
+        space = random_space(seed, (12, 12, 6))
+        path = random_points(rng, space, 4)
+        length = space.free_length(path)
+        cut += 0.0 < length < np.linalg.norm(np.diff(path, axis=0), axis=1).sum()
+        if length > 0.0:
+            assert all(space.is_free(point_at(path, s)) for s in np.linspace(0.0, length, 300))
+    assert cut > 5
+
+
+def test_outside_and_senseless_points_are_forbidden():
+    space = row_of_cells([4, 4])
+    for x in (-1e-9, 2.0, 1e9, math.inf, math.nan):
+        away = np.array([x, 0.5, 0.5])
+        assert not space.is_free(away)
+        assert not space.edge_free(np.array([0.5, 0.5, 0.5]), away)
+    assert space.is_free(np.zeros(3))
+    path = np.array([[1.5, 0.5, 0.5], [2.5, 0.5, 0.5]])
+    assert space.free_length(path) == pytest.approx(0.5, abs=1e-4)
+    assert space.least_clearance(path) == 0.0
+    assert space.free_length(path[::-1]) == 0.0
+
+
+def test_nearest_free_takes_the_nearest_then_the_lowest_index():
+    field = np.full((5, 5, 1), 9, dtype=np.uint16)
+    field[1:4, 1:4] = 0
+    space = FreeSpace(field, np.zeros(3), 1.0, 0, np.zeros(10))
+    # From the centre four cells are 2 m away: (0, 2), (2, 0), (2, 4), (4, 2).
+    assert space.nearest_free(np.array([2.5, 2.5, 0.5]), 2.0).tolist() == [0.5, 2.5, 0.5]
+    assert space.nearest_free(np.array([2.5, 2.6, 0.5]), 2.0).tolist() == [2.5, 4.5, 0.5]
+    assert space.nearest_free(np.array([2.5, 2.5, 0.5]), 1.9) is None
+    assert space.nearest_free(np.array([-0.5, 0.5, 0.5]), 1.0).tolist() == [0.5, 0.5, 0.5]
+    assert space.nearest_free(np.array([math.nan, 0.5, 0.5]), 1.0) is None
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            {"distances": np.zeros((3, 3), dtype=np.uint16)},
+            r"space\.distances: got uint16 \(3, 3\)",
+        ),
+        ({"origin": np.zeros(2)}, r"space\.origin: got shape \(2,\), expected \(3,\)"),
+        ({"resolution": 0.0}, r"space\.resolution: got 0\.0, expected above 0"),
+        ({"collision_distance_sq": -1}, r"collision_distance_sq: got -1, expected 0 or more"),
+        ({"cost_by_distance": np.array([0.0, np.inf])}, r"space\.cost_by_distance: got \[inf\]"),
+    ],
+)
+def test_wrong_spaces_are_refused(change, message):
+    right = {
+        "distances": np.ones((3, 3, 1), dtype=np.uint16),
+        "origin": np.zeros(3),
+        "resolution": 0.1,
+        "collision_distance_sq": 0,
+        "cost_by_distance": np.zeros(4),
+    }
+    with pytest.raises(ValueError, match=message):
+        FreeSpace(**(right | change))
+
+
+def test_a_way_cut_short_at_a_corner_of_cells_ends_in_a_free_cell():
+    """A diagonal through the corner of a blocked cell, its ends off by what floats round to."""
+    field = np.full((200, 200, 1), 100, dtype=np.uint16)
+    field[97, 79, 0] = 0
+    space = FreeSpace(field, np.array([0.0, 0.0, 0.025]), 0.1, 1, np.zeros(101))
+    for off in itertools.product((-4e-15, 0.0, 4e-15), repeat=4):
+        a = np.array([9.65 + off[0], 7.85 + off[1], 0.075])
+        b = np.array([10.65 + off[2], 8.85 + off[3], 0.075])
+        path = np.array([a, b])
+        cut = truncate(path, space.free_length(path))
+        assert space.edge_free(cut[0], cut[-1])
 
 
 def test_thresholds_by_hand():
@@ -124,3 +217,56 @@ def test_what_does_not_suit_a_body_is_refused(gap):
         headed = PlannerConfig(name, state_space="pose", iterations=100)
         assert plan(solid, start, goal, headed, seed=1).label in ("none", "no_path")
     assert set(STATE_SPACES) == {"position", "pose", "reeds_shepp", "dubins"}
+
+
+NOWHERE = np.empty((0, 3))
+
+
+def space(free):
+    """A flat space of 10 cm cells, free where given."""
+    field = np.where(free, 100, 0).astype(np.uint16)[:, :, None]
+    return FreeSpace(field, np.zeros(3), 0.1, 4, np.zeros(101))
+
+
+def at(x, y):
+    return np.array([0.1 * x + 0.05, 0.1 * y + 0.05, 0.05])
+
+
+@pytest.fixture
+def corridor():
+    """Ten free cells in a row, then unknown ones up to a goal; all else is blocked."""
+    admitted, passable = np.zeros((20, 5), bool), np.zeros((20, 5), bool)
+    admitted[2:12, 2] = True
+    passable[1:19, 2] = True
+    return admitted, passable
+
+
+def test_the_frontier_towards_the_goal_comes_first(corridor):
+    chosen = best_frontier(*map(space, corridor), at(5, 2), at(18, 2), NOWHERE)
+    np.testing.assert_allclose(chosen, at(11, 2))
+
+
+def test_a_visited_frontier_leaves_the_other_end(corridor):
+    visited = np.vstack([at(11, 2), np.full(3, np.inf)])
+    chosen = best_frontier(*map(space, corridor), at(5, 2), at(18, 2), visited)
+    np.testing.assert_allclose(chosen, at(2, 2))
+
+
+def test_no_frontier_where_all_is_known_or_out_of_reach(corridor):
+    admitted, passable = corridor
+    assert best_frontier(space(admitted), space(admitted), at(5, 2), at(18, 2), NOWHERE) is None
+    assert best_frontier(space(admitted), space(passable), at(0, 0), at(18, 2), NOWHERE) is None
+    admitted[8, 2] = passable[8, 2] = False  # a wall: only the end on this side is in reach
+    chosen = best_frontier(space(admitted), space(passable), at(5, 2), at(18, 2), NOWHERE)
+    np.testing.assert_allclose(chosen, at(2, 2))
+
+
+def test_seeds_are_named_draws():
+    assert plan_seed(1, "plan", 2) == plan_seed(1, "plan", 2)
+    seeds = {plan_seed(e, s, n) for e in range(9) for s in ("plan", "explore") for n in range(50)}
+    assert len(seeds) == 9 * 2 * 50
+    assert min(seeds) >= 1
+    assert max(seeds) < 2**31
+    # BLAKE2b, 8 bytes of "7/plan/0", little-endian, modulo 2^31 - 1, plus 1
+    expected = hashlib.blake2b(b"7/plan/0", digest_size=8).digest()
+    assert plan_seed(7, "plan", 0) == int.from_bytes(expected, "little") % (2**31 - 1) + 1

@@ -1,10 +1,87 @@
+"""Searches on a lattice, their heap and their bounds, against naive ones."""
+
+import heapq
+import math
+
 import numpy as np
 import pytest
 
-from tests.planners.lattices import closed_costs, free_lattice, naive_costs, random_space
+from tests.planners.lattices import (
+    closed_costs,
+    free_lattice,
+    lattice_in_space,
+    naive_costs,
+    opened,
+    random_space,
+)
 from tests.planners.worlds import long_space, make_space, point
 from wayproof.planners.astar import lattice
-from wayproof.planners.kernels import lattice_cells, lattice_search
+from wayproof.planners.kernels import (
+    free_box,
+    heap,
+    heuristic,
+    lattice_cells,
+    lattice_search,
+)
+
+
+@pytest.mark.parametrize("python", [False, True])
+def test_the_heap_gives_the_least_key_first(python):
+    push, pop = heap.push, heap.pop
+    if python:
+        push, pop = push.py_func, pop.py_func
+    rng = np.random.default_rng(12)
+    queue, count, peer = np.empty(4, np.int64), 0, []
+    for _ in range(2000):
+        if count and rng.random() < 0.45:
+            count -= 1
+            assert pop(queue, count) == heapq.heappop(peer)
+        else:
+            key = int(rng.integers(0, 500))
+            queue, count = push(queue, count, key), count + 1
+            heapq.heappush(peer, key)
+    assert count == len(peer) > 4
+    for size in range(1, 100):  # small ones: there a last key without another beside it is moved
+        keys = rng.integers(0, 500, 1 + size % 12).tolist()
+        for n, key in enumerate(keys):
+            queue = push(queue, n, key)
+        assert [pop(queue, n) for n in range(len(keys) - 1, -1, -1)] == sorted(keys)
+
+
+def test_a_box_is_free_where_all_its_cells_are():
+    rng = np.random.default_rng(6)
+    space = make_space(rng.random((14, 12, 5)) < 0.003, resolution=0.25)
+    shape = np.array(space.distances.shape)
+    free = seen = 0
+    for _ in range(600):
+        low, size = rng.uniform(0.5, shape - 1.0), rng.uniform(0.0, (4.0, 4.0, 2.0))
+        corners = [tuple(space.origin + space.resolution * end) for end in (low, low + size)]
+        reach = rng.uniform(0.0, 2.0)
+        all_free = free_box.box_free(space.grid, 2, *corners, reach * space.resolution)
+        first = np.floor(low - (reach, reach, 0.0)).astype(int) - 1
+        end = np.floor(low + size + (reach, reach, 0.0)).astype(int) + 2
+        inside = (first >= 0).all() and (end <= shape).all()
+        cells = tuple(slice(a, b) for a, b in zip(first, end, strict=True))
+        assert all_free == (inside and bool((space.distances[cells] > 2).all()))
+        assert (
+            free_box.box_free.py_func(space.grid, 2, *corners, reach * space.resolution) == all_free
+        )
+        free, seen = free + all_free, seen + inside
+    assert 20 < free < seen - 20
+
+
+def test_a_distance_decides_exactly_about_cells_near_it():
+    for value, threshold, squared in np.ndindex(60, 12, 12):
+        beyond = math.sqrt(value) - math.sqrt(threshold) - math.sqrt(squared)
+        assert free_box.all_above(value, threshold, squared) == (beyond > 1e-9)
+
+
+def test_a_box_that_leaves_the_grid_is_not_free(bend):
+    empty = make_space(np.zeros((20, 20, 1), dtype=bool))
+    middle = tuple(point(empty, 10, 10).tolist())
+    assert free_box.box_free(empty.grid, 4, middle, middle, 0.8)
+    assert not free_box.box_free(empty.grid, 4, middle, middle, 1.0)
+    assert not free_box.box_free(empty.grid, 4, (math.nan, 0.0, 0.0), middle, 0.1)
 
 
 @pytest.mark.parametrize(
@@ -25,7 +102,7 @@ def test_a_search_with_a_heuristic_costs_the_same_and_expands_less():
     goal = free[10]
     lattice.open_goal(whole, goal)
     lattice_search.expand(whole, 0, -1, 10**6, 0)
-    for start in [cell for cell in free[::97] if whole.state[cell] == lattice_cells.CLOSED]:
+    for start in [cell for cell in free[::400] if whole.state[cell] == lattice_cells.CLOSED]:
         drawn, _ = free_lattice(space, 1)
         lattice.open_goal(drawn, goal, start)
         assert lattice_search.expand(drawn, start, start, 10**6, 0)
@@ -126,3 +203,50 @@ def test_bounds_are_costs_to_go_up_to_a_limit():
         assert bound == (exact[cell] if reached else max(limit - least, 0)) // 2
         exact_bounds += reached
     assert 50 < exact_bounds < len(free)
+
+
+@pytest.mark.parametrize(("seed", "factor"), [(6, 2), (7, 3)])
+def test_column_bounds_never_exceed_the_cost(seed, factor):
+    _, grid, goal, start, costs = lattice_in_space(seed, factor)
+    straight = {cell: heuristic.heuristic(grid, cell, start) for cell in costs}
+    assert heuristic.bound_columns(grid, goal, start)
+    bound = {cell: int(grid.column_bound[cell // grid.shape[2]]) for cell in costs}
+    assert all(bound[cell] <= cost for cell, cost in costs.items())
+    assert sum(bound[cell] > 1.2 * straight[cell] for cell in costs) > 0.4 * len(costs)
+    for cell in list(costs)[::9]:
+        for offset, step in zip(
+            grid.move_offsets.tolist(), grid.move_lengths.tolist(), strict=True
+        ):
+            if cell + offset in costs:  # consistent: no step gains more than it costs
+                both = sum(lattice_cells.rate_of(grid, at) for at in (cell, cell + offset))
+                assert bound[cell] <= bound[cell + offset] + step * both
+
+
+@pytest.mark.parametrize(("seed", "factor"), [(6, 2), (7, 3)])
+def test_a_search_with_column_bounds_finds_the_same_way_and_expands_less(seed, factor):
+    space, straight, goal, start, costs = lattice_in_space(seed, factor)
+    by_columns = opened(space, factor, start, goal)
+    for grid in (straight, by_columns):
+        assert not lattice_search.expand(grid, start, start, 5, 1)
+        assert grid is straight or lattice.set_column_heuristic(grid, goal, start)
+        assert lattice_search.expand(grid, start, start, 10**6, 1)
+        assert grid.cost[start] == costs[goal]
+    ways = [lattice_search.descend(grid, start).tolist() for grid in (straight, by_columns)]
+    assert ways[0] == ways[1]
+    assert by_columns.counters[2] < 0.7 * straight.counters[2]
+
+
+def test_compiled_columns_equal_python():
+    _, grid, goal, start, _ = lattice_in_space(5, 2)
+    heuristic.bound_columns(grid, goal, start)
+    compiled = grid.column_bound.copy()
+    heuristic.bound_columns.py_func(grid, goal, start)
+    assert compiled.tobytes() == grid.column_bound.tobytes()
+
+
+def test_where_columns_have_no_way_there_is_none():
+    blocked = np.zeros((12, 10, 8), dtype=bool)
+    blocked[6] = True
+    grid, free = free_lattice(make_space(blocked), 1)
+    assert not lattice.set_column_heuristic(grid, free[0], free[-1])
+    assert lattice.set_column_heuristic(grid, free[0], free[9])
