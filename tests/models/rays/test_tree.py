@@ -88,7 +88,7 @@ def test_no_box_that_a_ray_enters_is_ruled_out(offset):
     rng = np.random.default_rng(7)
     waiting = Waiting(np.empty(99, np.int64), np.empty(99, np.float32))
     met = kept = 0
-    for number in range(2000):
+    for number in range(500):
         lower = offset + 2.0 * rng.normal(size=(CHILDREN, 3))
         upper = lower + rng.exponential(size=(CHILDREN, 3))
         origin = offset + 4.0 * rng.normal(size=3)
@@ -109,5 +109,5 @@ def test_no_box_that_a_ray_enters_is_ruled_out(offset):
                 kept += found
                 met += entered
                 assert found or not entered
-    assert met > 300
+    assert met > 75
     assert kept < 1.1 * met

@@ -17,27 +17,18 @@ from wayproof.models.worlds.solvability import (
 )
 
 DENSE = ("office", "forest", "construction", "maze", "cylinders")
-FAST = ("maze", "crossing", "ghosts", "empty")
-
-
-@pytest.mark.parametrize("name", sorted(WORLDS))
-def test_many_seeds_draw(name):
-    count = 20 if name in FAST else 5  # the soak draws thousands
-    for seed in range(1000, 1000 + count):
-        assert WORLDS[name](seed, difficulty=(seed % 5) / 4).mjcf()
 
 
 @pytest.mark.parametrize("name", DENSE)
 def test_the_reference_bodies_pass_and_the_way_is_of_an_episodes_length(name):
-    for seed in range(2):
-        for difficulty in (0.5, 1.0):
-            world = WORLDS[name](seed, difficulty)
-            radius, ends = passage_radius(difficulty), (world.start, world.goal)
-            assert is_solvable(world, radius, GROUND_BAND, *ends)
-            assert any(is_solvable(world, radius, band, *ends) for band in AIR_BANDS)
-            length = shortest_path_length(world, 0.45, GROUND_BAND, *ends)
-            assert hypot(*np.subtract(world.goal, world.start)[:2]) <= length + 1e-9
-            assert 5.0 <= length <= 24.0
+    for seed, difficulty in enumerate((0.5, 1.0)):
+        world = WORLDS[name](seed, difficulty)
+        radius, ends = passage_radius(difficulty), (world.start, world.goal)
+        assert is_solvable(world, radius, GROUND_BAND, *ends)
+        assert any(is_solvable(world, radius, band, *ends) for band in AIR_BANDS)
+        length = shortest_path_length(world, 0.45, GROUND_BAND, *ends)
+        assert hypot(*np.subtract(world.goal, world.start)[:2]) <= length + 1e-9
+        assert 5.0 <= length <= 24.0
 
 
 @pytest.mark.parametrize("name", DENSE)

@@ -1,4 +1,8 @@
-"""MuJoCo scenes become worlds that name no other file."""
+"""World files: what they name, their digest, and generated worlds read back."""
+
+from __future__ import annotations
+
+import re
 
 import numpy as np
 import pytest
@@ -12,7 +16,13 @@ from tests.models.world_files.written import (
     sdf,
     write,
 )
-from wayproof.models.world_files import WorldFileError, import_world, read_world_file, world_of
+from wayproof.models.world_files import WorldFileError, import_world, read_world_file
+from wayproof.models.world_files.options import Ends, Found
+from wayproof.models.world_files.parts import Part
+from wayproof.models.world_files.shape import shape_digest
+from wayproof.models.world_files.world_file import file_of, world_of, world_text
+from wayproof.models.world_parameters import WorldParameters
+from wayproof.models.worlds import WORLDS
 
 
 def test_includes_and_assets_are_inlined(tmp_path):
@@ -88,3 +98,48 @@ def test_meshes_of_a_robot_that_is_left_out_need_not_be_there(tmp_path):
         imported(scene)
     world = imported(scene, without=("robot",))
     assert sorted(type(solid).__name__ for solid in world.solids) == ["Box", "ConvexMesh"]
+
+
+ROOM_ENDS = Ends((-3.0, -3.0, -0.5), (3.0, 3.0, 3.0), (-2.0, 0.0, 0.0), 0.0, (2.0, 0.0, 0.0))
+PARTS = [
+    Part("box", (0.2, 0.2, 1.0), (0.0, 1.5, 1.0), kind="pillar"),
+    Part("box", (0.1, 2.0, 1.0), (2.0, 0.0, 1.0), kind="wall"),
+]
+TEXT = world_text(Found(parts=PARTS), ROOM_ENDS, "room")
+
+SPELLINGS = {
+    "a comment": TEXT.replace("<worldbody>", "<worldbody><!-- another world -->"),
+    "another name": TEXT.replace('"room"', '"hall"').replace("pillar_0", "column"),
+    "another colour": re.sub('rgba="[^"]*"', 'rgba="1 0 0 1"', TEXT),
+    "other numbers": TEXT.replace('"0.2 0.2 1"', '"0.20000 2e-1 1.0000001"'),
+    "another goal": TEXT.replace('wayproof_goal" data="2 0 0"', 'wayproof_goal" data="2 1 0"'),
+    "another order": re.sub(r'( *<geom name="pillar.*\n)( *<geom name="wall.*\n)', r"\2\1", TEXT),
+}
+
+
+@pytest.mark.parametrize("name", SPELLINGS)
+def test_a_copy_has_the_digest_of_its_world(name):
+    assert SPELLINGS[name] != TEXT
+    assert shape_digest(SPELLINGS[name]) == shape_digest(TEXT)
+
+
+@pytest.mark.parametrize("pillar", ['"0.21 0.2 1"', '"0.2 0.2 2"'])
+def test_another_world_has_another_digest(pillar):
+    assert shape_digest(TEXT.replace('"0.2 0.2 1"', pillar)) != shape_digest(TEXT)
+
+
+@pytest.mark.parametrize("name", [name for name in WORLDS if name != "hall"])
+def test_a_generated_world_reads_back_from_its_file(name):
+    world = WORLDS[name](3, 0.5, WorldParameters())
+    read = world_of(file_of(world))
+    for field in ("low", "high", "start", "start_heading", "goal", "solid_names"):
+        assert getattr(read, field) == getattr(world, field), field
+    points = np.random.default_rng(0).uniform(world.low, world.high, (200, 3))
+    for one, other in zip(read.solids, world.solids, strict=True):
+        np.testing.assert_allclose(one.distance(points), other.distance(points), atol=1e-6)
+    assert len(read.movers) == len(world.movers)
+    for one, other in zip(read.movers, world.movers, strict=True):
+        for moment in (0, 3_300_000_000, 41_000_000_000):
+            np.testing.assert_allclose(one.place(moment).position, other.place(moment).position)
+        for field in ("appears", "vanishes", "stands_off", "backs_up", "returns", "loops"):
+            assert getattr(one, field) == getattr(other, field), field
