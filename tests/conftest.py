@@ -76,7 +76,7 @@ def recorded(once):
 @pytest.fixture(scope="session")
 def planted(once):
     """Log and result of an episode with one planted fault, by cause and seed; each run once."""
-    from tests.tools.faults.confusion import run_planted
+    from tests.tools.faults.fault_scenarios import run_planted
 
     def run(cause, seed):
         result = once(("planted", cause, seed), lambda log: run_planted(cause, seed, log))

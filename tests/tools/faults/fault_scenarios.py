@@ -8,15 +8,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 
+from tests.tools.faults.judged import Judged
 from tests.tools.faults.reckless import Reckless
 from tests.tools.faults.scene_edits import make_transparent
 from wayproof.harness.config import Config
 from wayproof.harness.config_document import override
 from wayproof.harness.errors import unknown_name
+from wayproof.harness.result import Result
+from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import Scenario, build
 from wayproof.harness.stack.pipeline import Navigator
 from wayproof.models.worlds import Box, Mover, World
@@ -53,17 +57,8 @@ class Fault:
     stack: type[Navigator] = Navigator
 
 
-@dataclass(frozen=True)
-class FaultScenario:
-    """A scenario with a fault."""
-
-    scenario: Scenario
-    delays: dict[int, float]
-    stack: type[Navigator]
-
-
-def make_fault_scenario(cause: str, seed: int) -> FaultScenario:
-    """Return a scenario that fails by a cause; each seed gives another one."""
+def run_planted(cause: str, seed: int, path: Path) -> Result:
+    """Run a scenario that fails by a cause; each seed gives another one."""
     if cause not in FAULTS:
         raise unknown_name("cause", cause, FAULTS)
     rng = np.random.default_rng([seed, list(FAULTS).index(cause)])
@@ -86,7 +81,16 @@ def make_fault_scenario(cause: str, seed: int) -> FaultScenario:
     scenario = build(config, world)
     mission = replace(scenario.mission, **cast(dict[str, Any], fault.mission))
     delays = {} if fault.delay is None else dict.fromkeys(range(MOST), fault.delay)
-    return FaultScenario(_glazed(replace(scenario, mission=mission)), delays, fault.stack)
+    scenario = _glazed(replace(scenario, mission=mission))
+    return run_episode(scenario, path, delays=delays, record="full", stack=fault.stack)
+
+
+def judge_planted(cause: str, seed: int, path: Path) -> Judged:
+    """Run a scenario, and compare the cause found."""
+    result = run_planted(cause, seed, path)
+    found = result.cause or result.outcome
+    text = f"{result.sim_time_s:.1f} s: {result.cause_evidence}"
+    return Judged(cause, (cause,), found, seed, result.outcome, text)
 
 
 def _glazed(scenario: Scenario) -> Scenario:

@@ -1,15 +1,14 @@
 """Planted faults of stacks on trial: the cause found, and all that a broken stack may do to us.
 
-`python -m tests.tools.soak.on_trial --count 20` runs each kind of fault in the
-registered worlds, as `wayproof run` does, half of those that can be a class behind `exec:`. Of each
-episode: is the cause the planted one, is there no traceback, does no process outlive it, does it
-end within its deadline, does its log replay, and can it be explained. An episode in which the fault
-did no harm is drawn again.
+Each kind of fault runs in the registered worlds, as `wayproof run` does, half of those that can be
+a class behind `exec:`. Of each episode: is the cause the planted one, is there no traceback, does
+no process outlive it, does it end within its deadline, does its log replay, and can it be
+explained. An episode in which the fault did no harm is drawn again.
 """
 
 from __future__ import annotations
 
-import argparse
+import itertools
 import os
 import signal
 import subprocess
@@ -17,16 +16,13 @@ import sys
 import tempfile
 import time
 import uuid
-from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console
-from rich.table import Table
 
-from tests.tools.soak.child import scratch
+from tests.tools.faults.judged import Judged
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.replay.audit import audit
 
@@ -91,43 +87,14 @@ KINDS = {
 audit of its last second says: through occupied space, or through unknown."""
 
 
-@dataclass(frozen=True)
-class Drawn:
-    """One episode with a fault."""
-
-    kind: str
-    seed: int
-    outcome: str
-    cause: str
-    evidence: str
-    check: str
-    failures: tuple[str, ...]
-
-    @property
-    def right(self) -> bool:
-        """Whether the cause is that of the fault."""
-        return self.cause in KINDS[self.kind].causes and "audit" not in " ".join(self.failures)
+def judge_kind(kind: str, count: int, first: int, folder: Path) -> Iterator[Judged]:
+    """Yield episodes of a kind in which the fault did harm."""
+    for number in range(first, first + count):
+        drawn = (run_planted(kind, number + 1000 * draw, folder) for draw in range(MOST_DRAWS))
+        yield from itertools.islice((one for one in drawn if one is not None), 1)
 
 
-@dataclass
-class Tally:
-    """Results of one kind."""
-
-    drawn: list[Drawn] = field(default_factory=list)
-    harmless: int = 0
-
-
-def run_kind(kind: str, count: int, first: int, folder: Path) -> Iterator[Drawn | None]:
-    """Yield each episode of a kind; None for one in which the fault did no harm."""
-    for number in range(count):
-        for draw in range(MOST_DRAWS):
-            drawn = run_planted(kind, first + number + 1000 * draw, folder)
-            yield drawn
-            if drawn is not None:
-                break
-
-
-def run_planted(kind: str, seed: int, folder: Path) -> Drawn | None:
+def run_planted(kind: str, seed: int, folder: Path) -> Judged | None:
     """Run one episode with a fault, and all that reads its log; None if the fault did no harm."""
     log, mark, began = folder / f"{kind}-{seed}.mcap", uuid.uuid4().hex, time.monotonic()
     failures: list[str] = []
@@ -135,7 +102,7 @@ def run_planted(kind: str, seed: int, folder: Path) -> Drawn | None:
     took_s = time.monotonic() - began
     failures += [f"orphan process {pid}" for pid in marked(mark)]
     if not log.is_file():
-        return Drawn(kind, seed, "none", "", text[-200:], "", (*failures, "no log"))
+        return Judged(kind, (), "none", seed, "none", text[-200:], (*failures, "no log"))
     result = open_log(log).result
     outcome, cause = result["outcome"], result.get("cause", "")
     if outcome not in KINDS[kind].outcomes and not failures:
@@ -146,13 +113,13 @@ def run_planted(kind: str, seed: int, folder: Path) -> Drawn | None:
     _command(["replay", str(log)], mark, failures)
     if "cause: " not in _command(["explain", str(log)], mark, failures):
         failures.append("explain: no cause")
-    check = ""
+    said = result.get("cause_evidence", "")
     if outcome in CONTACT:
-        check = _check(_command(["explain", str(log), "--check"], mark, failures))
+        checked = _command(["explain", str(log), "--check"], mark, failures).splitlines()
+        said = " ".join([said, *(line for line in checked if line.startswith("check: "))])
         failures += _contradicted(log, cause)
     log.unlink()
-    evidence = result.get("cause_evidence", "")
-    return Drawn(kind, seed, outcome, cause, evidence, check, tuple(failures))
+    return Judged(kind, KINDS[kind].causes, cause or outcome, seed, outcome, said, tuple(failures))
 
 
 def _words(kind: str, seed: int, log: Path) -> list[str]:
@@ -207,12 +174,6 @@ def marked(mark: str) -> list[int]:
     return found
 
 
-def _check(text: str) -> str:
-    """Return the answer of a check."""
-    last = next((line for line in text.splitlines() if line.startswith("check: ")), "")
-    return next((word for word in ("confirmed", "changed", "inconclusive") if word in last), "none")
-
-
 def _contradicted(log: Path, cause: str) -> Iterator[str]:
     """Say that an audit of the last second contradicts a cause."""
     decisions = int(open_log(log).result["decisions"])
@@ -223,59 +184,3 @@ def _contradicted(log: Path, cause: str) -> Iterator[str]:
     word = {"disregarded_obstacle": ("occupied", "outside"), "unseen_obstacle": ("unknown",)}
     if cause in word and not any(one in text for text in last for one in word[cause]):
         yield f"audit: nothing of {' or '.join(word[cause])} space in the last second"
-
-
-def table(tallies: dict[str, Tally]) -> Table:
-    """Return a line for each kind."""
-    lines = Table(
-        "fault", "episodes", "drawn again", "cause right", "causes found", "check", "troubles"
-    )
-    for kind, tally in tallies.items():
-        drawn = tally.drawn
-        causes = Counter(one.cause or one.outcome for one in drawn)
-        checks = Counter(one.check for one in drawn if one.check)
-        lines.add_row(
-            kind,
-            str(len(drawn)),
-            str(tally.harmless),
-            str(sum(one.right for one in drawn)),
-            ", ".join(f"{name} {n}" for name, n in causes.most_common()),
-            ", ".join(f"{name} {n}" for name, n in checks.most_common()),
-            str(sum(bool(one.failures) for one in drawn)),
-        )
-    return lines
-
-
-def main() -> int:
-    """Run the faults and print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--count", type=int, default=20, help="episodes of each kind")
-    parser.add_argument("--first", type=int, default=0, help="seed of the first one")
-    parser.add_argument("--kind", action="append", choices=list(KINDS), help="of this kind only")
-    options = parser.parse_args()
-    console = Console(width=150, markup=False, highlight=False)
-    tallies: dict[str, Tally] = {}
-    with tempfile.TemporaryDirectory(dir=scratch()) as folder:
-        for kind in options.kind or KINDS:
-            tally = tallies.setdefault(kind, Tally())
-            for drawn in run_kind(kind, options.count, options.first, Path(folder)):
-                if drawn is None:
-                    tally.harmless += 1
-                    continue
-                tally.drawn.append(drawn)
-                mark = " " if drawn.right and not drawn.failures else "*"
-                line = f"{mark} {kind} {drawn.seed}: {drawn.outcome}, {drawn.cause}, {drawn.check}"
-                console.print(f"{line}: {drawn.evidence}", soft_wrap=True)
-                sys.stdout.flush()
-                for failure in drawn.failures:
-                    console.print(f"    {failure}", soft_wrap=True)
-    console.print(table(tallies))
-    every = [one for tally in tallies.values() for one in tally.drawn]
-    right = sum(one.right for one in every)
-    troubled = sum(bool(one.failures) for one in every)
-    console.print(f"{right} of {len(every)} causes right; {troubled} with troubles")
-    return 1 if troubled or right < 0.95 * len(every) else 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
