@@ -67,7 +67,7 @@ UNTYPED = {
     r"ray start .*": "starts what outlives the page",
     r"wayproof study .* --engine ray .*": "tests/harness/study/test_cluster.py runs it",
     r"wayproof bench .*": "tests/harness/bench/test_bench.py runs it",
-    r"python -m tests.tools.trials.robots.*": "tests/of_tools/test_robots.py runs it",
+    r"python -m tests.tools.trials.robots.*": "tests/of_tools/test_trials.py runs it",
     r"python -m tests.tools.statistics.*": "tests/of_tools/test_verdicts.py runs it",
     r"wayproof study (barn|dodge) .*": "tests/harness/study/test_imported.py runs it",
     r"wayproof study falsify .*budget=100": "tests/harness/study/test_falsify.py runs it",

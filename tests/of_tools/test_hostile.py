@@ -1,10 +1,12 @@
 """Small hostile files: refused before anything of the size that they ask for is made."""
 
 import re
+from dataclasses import replace
 
 import pytest
 
-from tests.tools.soak.hostile import MOST_MEMORY_MIB, Taken, breaches
+from tests.tools.soak.child import Ended
+from tests.tools.soak.hostile import MOST_MEMORY_MIB, breaches
 from tests.tools.soak.hostile_files import FILES, attached, with_mesh
 from tests.tools.soak.hostile_logs import SCENES, study_with_log, with_scene
 from wayproof.harness.cli.main import main
@@ -81,13 +83,13 @@ def test_the_report_of_a_hostile_scene_is_one_line(tmp_path, capsys):
 
 
 def test_what_breaches_a_bound_is_found():
-    fine = Taken("a", 10, 0.1, 100.0, 2, ("one line",))
+    fine = Ended(2, ("one line",), overdue=False, peak_mib=100.0, cpu_s=0.1)
     assert breaches(fine) == []
     for field, value in (
         ("cpu_s", 5.1),
         ("peak_mib", MOST_MEMORY_MIB + 1),
         ("code", 1),
-        ("said", ()),
-        ("said", ("two", "lines")),
+        ("lines", ()),
+        ("lines", ("two", "lines")),
     ):
-        assert len(breaches(Taken(**{**vars(fine), field: value}))) == 1
+        assert len(breaches(replace(fine, **{field: value}))) == 1

@@ -44,7 +44,6 @@ HERE = [
 
 EPISODES = (
     ("crossing", "drone", 4, "episode.time_limit=2", "planner.name=informed_rrtstar"),
-    ("warehouse", "quadruped", 3, "episode.time_limit=1.5"),
     (
         *("office", "quadruped", 5, "episode.time_limit=1", "planner.name=rrtconnect"),
         *("planner.state_space=reeds_shepp", "planner.iterations=100", "planner.restarts=1"),
@@ -70,7 +69,7 @@ def test_logs_replay_to_the_same_bits(logs, emulation):
     result = Emulated()
     assert replay_all(emulation, logs, arithmetic(), result) == []
     assert (result.replays, result.identical) == (len(logs), len(logs))
-    assert result.decisions >= 30
+    assert result.decisions >= 20
 
 
 BENDS = """
@@ -96,6 +95,7 @@ print(digest.hexdigest())
 """
 
 
+@pytest.mark.large
 def test_stops_turn_away_on_the_same_bits():
     found = set()
     for emulation in (ALL["as it is"], together(*OLD)):

@@ -6,13 +6,19 @@ it should be, or anything else.
 
 from __future__ import annotations
 
+import os
 import resource
 import signal
+import sys
 import traceback
 from collections import Counter
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
 
 from tests.tools.soak.child import in_child
 from wayproof.harness.bench.table import Progress
@@ -32,23 +38,30 @@ MOST_MEMORY_MIB = 1024.0
 
 Report = Callable[[str], None]
 
+Case = Callable[[str, np.random.Generator], None]
+"""Function of the kind and a random generator that breaks something and reads it."""
 
-def judged(
-    work: Callable[[range, Report], None],
+
+def watched(
+    case: Case,
     kinds: Sequence[str],
+    folder: Path,
     numbers: range,
-    name: str,
+    seed: int,
     progress: Progress,
+    may_start: str = "",
 ) -> SimpleNamespace:
-    """Run cases in children, batch by batch."""
+    """Run cases in children with limits on time, memory and the files that they touch."""
+    (folder / "work").mkdir()
+    work = partial(_cases, case, kinds, folder, seed, may_start)
     found = Counter[tuple[str, str]]()
     failures: list[str] = []
     peak = longest = 0.0
-    case = numbers.start
-    while case < numbers.stop:
-        batch = range(case, min(case + BATCH, numbers.stop))
-        ended = in_child(lambda report: work(batch, report), SILENCE_S)  # noqa: B023
-        peak, last = max(peak, ended.peak_mib), case
+    number = numbers.start
+    while number < numbers.stop:
+        batch = range(number, min(number + BATCH, numbers.stop))
+        ended = in_child(partial(work, batch), SILENCE_S)
+        peak, last = max(peak, ended.peak_mib), number
         for line in ended.lines:
             verdict, _, rest = line.partition(" ")
             if verdict in ("refused", "read"):
@@ -61,10 +74,11 @@ def judged(
                 failures.append(line)
         if ended.code < 0 or ended.overdue:
             failures.append(f"case {last}: ended by signal {-ended.code} (26 is a hang)")
-        case = batch.stop if ended.code >= 0 else last + 1
-        progress(f"{name}: up to {case}, {len(failures)} failures, {peak:.0f} MiB")
+        number = batch.stop if ended.code >= 0 else last + 1
+        progress(f"up to {number}, {len(failures)} failures, {peak:.0f} MiB")
     if peak > MOST_MEMORY_MIB:
         failures.append(f"memory: {peak:.0f} MiB")
+    failures += [f"file {one} written" for one in os.listdir(folder / "work")]
     refused, read = ({kind: found[one, kind] for kind in kinds} for one in ("refused", "read"))
     return SimpleNamespace(
         count=len(numbers),
@@ -76,8 +90,30 @@ def judged(
     )
 
 
-def judge_case(number: int, kind: str, read: Callable[[], None], report: Report) -> None:
-    """Read the failures of a case, within its processor time, and report the verdict."""
+def _cases(
+    case: Case,
+    kinds: Sequence[str],
+    folder: Path,
+    seed: int,
+    may_start: str,
+    numbers: range,
+    report: Report,
+) -> None:
+    """Run cases in this child process."""
+    os.chdir(folder / "work")
+    # The address space may grow by the memory of a case.
+    pages = int(Path("/proc/self/statm").read_text().split()[0])
+    most = pages * resource.getpagesize() + int(MOST_MEMORY_MIB * 2**20)
+    resource.setrlimit(resource.RLIMIT_AS, (most, most))
+    _watch_files(folder, report, may_start)
+    for number in numbers:
+        report(f"begin {number}")
+        kind, rng = kinds[number % len(kinds)], np.random.default_rng((seed, number))
+        _judge(number, kind, partial(case, kind, rng), report)
+
+
+def _judge(number: int, kind: str, read: Callable[[], None], report: Report) -> None:
+    """Read what a case broke, within its processor time, and report the verdict."""
     signal.setitimer(signal.ITIMER_VIRTUAL, LONGEST_S)  # its default is to end the process
     try:
         read()
@@ -92,8 +128,30 @@ def judge_case(number: int, kind: str, read: Callable[[], None], report: Report)
     report(f"{verdict} {LONGEST_S - left:.2f}")
 
 
-def limit_memory() -> None:
-    """Limit the address space to the present one and the memory of a case."""
-    pages = int(Path("/proc/self/statm").read_text().split()[0])
-    most = pages * resource.getpagesize() + int(MOST_MEMORY_MIB * 2**20)
-    resource.setrlimit(resource.RLIMIT_AS, (most, most))
+def _watch_files(folder: Path, report: Report, may_start: str) -> None:
+    """Report every file that is opened, renamed or removed outside the allowed folders."""
+    readable = [sys.prefix, sys.base_prefix, str(Path(__file__).resolve().parents[3])]
+    writable = [str(folder), os.environ["NUMBA_CACHE_DIR"]]
+    readable += writable
+
+    def inside(path: Any, roots: list[str]) -> bool:
+        if not isinstance(path, (str, bytes, os.PathLike)):
+            return True  # a descriptor that is open already
+        full = os.path.abspath(os.fsdecode(path))
+        return any(full.startswith(root) for root in roots) or "__pycache__" in full
+
+    def hook(event: str, arguments: tuple[Any, ...]) -> None:
+        if event == "open":
+            path, _, flags = arguments
+            written = bool(flags & (os.O_WRONLY | os.O_RDWR | os.O_CREAT))
+            if not inside(path, writable if written else readable):
+                report(f"file {path!r} opened, flags {flags:o}")
+        elif event in ("os.rename", "os.remove", "os.mkdir", "os.rmdir", "os.link", "os.symlink"):
+            if not inside(arguments[0], writable):
+                report(f"{event} of {arguments[0]!r}")
+        elif event == "subprocess.Popen" and may_start and arguments[0] == may_start:
+            return
+        elif event in ("subprocess.Popen", "os.system", "os.exec", "socket.connect"):
+            report(f"{event} {arguments!r}")
+
+    sys.addaudithook(hook)

@@ -12,11 +12,10 @@ import os
 import resource
 import tempfile
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
 
-from tests.tools.soak.child import in_child, scratch
+from tests.tools.soak.child import Ended, in_child, scratch
 from tests.tools.soak.hostile_files import BOX, FILES, Maker
 from tests.tools.soak.hostile_logs import LOGS
 from wayproof.harness.bench.table import Progress
@@ -45,35 +44,20 @@ LOADED = (
 PLAIN = "<mujoco><worldbody>" + BOX + "<geom size='.1' pos='-5 -5 1'/></worldbody></mujoco>"
 
 
-@dataclass(frozen=True)
-class Taken:
-    """Resources that one command took."""
-
-    name: str
-    file_bytes: int
-    cpu_s: float
-    peak_mib: float
-    code: int
-    said: tuple[str, ...]
-
-
 def soak_hostile(count: int, seed: int, progress: Progress, first: int = 0) -> SimpleNamespace:
     """Give each hostile file to the command that reads it, in a watched process."""
     del seed
     chosen = list({**FILES, **LOGS}.items())[first : first + count]
     for name in LOADED:
         importlib.import_module(name)
-    loaded = _take("a scene that is sound", _harmless_command)
-    assert loaded.code == 0, loaded.said
-    progress(
-        "| given | bytes | processor, s | peak, MiB | exit code | said |\n|---|---|---|---|---|---|"
-    )
+    loaded = _take(_harmless_command)
+    assert loaded.code == 0, loaded.lines
     taken, failures = [], []
     for name, make in chosen:
-        found = _take(name, make)
+        found = _take(make)
         taken.append(found)
         failures += [f"{name}: {wrong}" for wrong in breaches(found)]
-        progress(_row(found))
+        progress(f"{name}: {found}")
     longest = max((one.cpu_s for one in taken), default=0.0)
     peak = max((one.peak_mib for one in taken), default=0.0)
     return SimpleNamespace(count=len(chosen), longest_s=longest, peak_mib=peak, failures=failures)
@@ -84,42 +68,23 @@ def _harmless_command(folder: Path) -> list[str]:
     return ["import", str(folder / "plain.xml"), "--out", str(folder / "out.xml")]
 
 
-def breaches(taken: Taken) -> list[str]:
+def breaches(ended: Ended) -> list[str]:
     """Return the limits that a command broke; empty without any."""
     wrong = []
-    if taken.cpu_s > LONGEST_S:
-        wrong.append(f"{taken.cpu_s:.1f} s")
-    if taken.peak_mib > MOST_MEMORY_MIB:
-        wrong.append(f"{taken.peak_mib:.0f} MiB")
-    if taken.code != 2 or len(taken.said) != 1:
-        last = taken.said[-1][:200] if taken.said else ""
-        wrong.append(f"exit code {taken.code} with {len(taken.said)} lines, the last: {last}")
+    if ended.cpu_s > LONGEST_S:
+        wrong.append(f"{ended.cpu_s:.1f} s")
+    if ended.peak_mib > MOST_MEMORY_MIB:
+        wrong.append(f"{ended.peak_mib:.0f} MiB")
+    if ended.code != 2 or len(ended.lines) != 1:
+        last = "".join(ended.lines[-1:])[:200]
+        wrong.append(f"exit code {ended.code} with {len(ended.lines)} lines, the last: {last}")
     return wrong
 
 
-def _row(taken: Taken) -> str:
-    said = " / ".join(taken.said)
-    words = said.replace("|", "\\|")
-    return (
-        f"| {taken.name} | {taken.file_bytes} | {taken.cpu_s:.1f} | {taken.peak_mib:.0f} "
-        f"| {taken.code} | {words[:160]} |"
-    )
-
-
-def _take(name: str, make: Maker) -> Taken:
+def _take(make: Maker) -> Ended:
     with tempfile.TemporaryDirectory(dir=scratch()) as given, tempfile.TemporaryDirectory() as own:
         arguments = make(Path(given))
-        size = sum(one.stat().st_size for one in Path(given).rglob("*") if one.is_file())
-        ended = in_child(lambda report: _run(arguments, Path(own), report), WALL_S)
-    said = tuple(line.replace(f"{given}/", "") for line in ended.lines)
-    return Taken(
-        name,
-        file_bytes=size,
-        cpu_s=round(ended.cpu_s, 2),
-        peak_mib=round(ended.peak_mib),
-        code=ended.code,
-        said=said,
-    )
+        return in_child(lambda report: _run(arguments, Path(own), report), WALL_S)
 
 
 def _run(arguments: list[str], folder: Path, report: Callable[[str], None]) -> None:

@@ -9,8 +9,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from tests.tools.soak.cases import watched
 from tests.tools.soak.child import scratch
-from tests.tools.soak.fuzz import watched
 from tests.tools.soak.import_sources import SOURCES
 from tests.tools.soak.mutate import mutate, mutate_values
 from wayproof.harness.bench.table import Progress

@@ -26,7 +26,7 @@ from wayproof.harness.scenario.scenario import Scenario, build
 from wayproof.harness.warm_up import warm_up
 
 EPISODES = (("empty", "drone"), ("corridor", "quadruped"))
-SETTINGS = ("episode.time_limit=4",)
+SETTINGS = ("episode.time_limit=3",)
 SILENCE_S = 60.0
 CHECKED = 10
 """Period, in recovered logs, of a replay and an audit."""

@@ -18,8 +18,8 @@ from typing import Any
 
 import numpy as np
 
+from tests.tools.soak.cases import watched
 from tests.tools.soak.child import scratch
-from tests.tools.soak.fuzz import watched
 from tests.tools.soak.mutate import mutate
 from tests.tools.soak.recording_sources import SOURCES
 from wayproof.harness.bench.table import Progress
@@ -117,13 +117,13 @@ def soak_recordings(count: int, seed: int, progress: Progress, first: int = 0) -
         folder = Path(name)
         sound = {key: make(_make_folder(folder / key)) for key, make in SOURCES.items()}
         for path in sound.values():
-            _read(path)  # compiles everything; each is sound
+            read_whole(path)  # compiles everything; each is sound
 
         def case(kind: str, rng: Rng) -> None:
             warnings.simplefilter("error")  # a warning would be a second line
             way, _, source = kind.partition(" of ")
             with tempfile.TemporaryDirectory(dir=folder) as inner:
-                _read(break_one(sound[source], way, Path(inner), rng))
+                read_whole(break_one(sound[source], way, Path(inner), rng))
 
         return watched(case, kinds, folder, range(first, first + count), seed, progress)
 
@@ -196,7 +196,7 @@ def _make_folder(folder: Path) -> Path:
     return folder
 
 
-def _read(path: Path) -> None:
+def read_whole(path: Path) -> None:
     """Open a recording and read all of it."""
     recording = open_recording(path)
     for sweep in recording.sweeps():
