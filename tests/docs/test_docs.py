@@ -100,6 +100,7 @@ def built(source, out):
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
+@pytest.mark.large
 def test_the_site_has_every_page(tmp_path):
     pytest.importorskip("myst_parser")
     ended = built(ROOT, tmp_path)
@@ -108,6 +109,7 @@ def test_the_site_has_every_page(tmp_path):
         assert (tmp_path / page.relative_to(ROOT).with_suffix(".html")).is_file()
 
 
+@pytest.mark.large
 def test_the_site_rejects_a_broken_link(tmp_path):
     pytest.importorskip("myst_parser")
     (tmp_path / "docs").mkdir()
