@@ -21,6 +21,9 @@ from wayproof.models.world_files.options import Found, ImportOptions
 from wayproof.models.world_files.parts import Mesh, Part, vector
 from wayproof.models.world_files.reading import WorldFileError
 
+MOST_AWAY = 1e9
+"""Distance of a vertex from its origin beyond which no area is a number to compute with, m."""
+
 MOST_PIECES = 2000
 """Number of connected pieces of a mesh up to which each is taken by itself."""
 
@@ -107,7 +110,8 @@ def mesh_parts(
         upright: Whether the file's up axis is turned to z; Gazebo does not.
 
     Raises:
-        WorldFileError: Of `load_mesh_file`; no such node; no triangle; too many boxes.
+        WorldFileError: Of `load_mesh_file`; no such node; no triangle; too many boxes; a vertex
+            beyond `MOST_AWAY`.
     """
     loaded = load_mesh_file(path)
     notes += [f"{path.name}: {note}" for note in loaded.notes]
@@ -121,7 +125,10 @@ def mesh_parts(
     vertices = mesh.vertices
     if centred:
         vertices = vertices - (vertices.min(axis=0) + vertices.max(axis=0)) / 2.0
-    vertices = vertices * scale
+    with np.errstate(over="ignore"):  # what is too far away is refused
+        vertices = vertices * scale
+    if not (reach := float(np.abs(vertices).max())) <= MOST_AWAY:
+        raise WorldFileError(path, f"a vertex {reach:g} m away, expected up to {MOST_AWAY:g} m")
     faces = mesh.faces[:, ::-1] if np.prod(scale) < 0.0 else mesh.faces  # mirrored: inside out
     if upright and loaded.up in TURNS:
         vertices = vertices @ TURNS[loaded.up].T
