@@ -54,19 +54,29 @@ def test_an_occupied_cell_of_a_finer_map_is_not_lost_and_a_coarser_one_fills_its
 def test_a_flat_map_stands_on_the_floor_up_to_its_height():
     states = np.full((5, 4, 1), FREE, np.uint8)
     states[2, 1], states[3] = OCCUPIED, UNKNOWN
-    found = resampled(Grid(states, np.zeros(3), 0.1, height=0.5), UNTURNED, WINDOW)
+    grid = Grid(states, np.array([0.2, 0.1, 0.0]), 0.1, height=0.5)
+    found = resampled(grid, UNTURNED, WINDOW)
     floor = 3
     assert (found[:, :, :floor] == UNKNOWN).all()
-    assert (found[10, 5, floor], found[10, 5, floor + 1]) == (OCCUPIED, FREE)
-    assert (found[12, 6, floor : floor + 6] == OCCUPIED).all()
-    assert (found[12, 6, floor + 6 :] == UNKNOWN).all()
-    assert (found[13, 5:9] == UNKNOWN).all()
+    assert (found[12, 6, floor], found[12, 6, floor + 1]) == (OCCUPIED, FREE)
+    assert (found[14, 7, floor : floor + 6] == OCCUPIED).all()
+    assert (found[14, 7, floor + 6 :] == UNKNOWN).all()
+    assert (found[15, 6:10] == UNKNOWN).all()
 
 
 def test_placements_follow_each_other():
-    first, then = Placement(1.0, 0.0, 0.2, 0.3), Placement(0.0, 2.0, 0.0, 0.5 * math.pi)
+    """A quarter turn takes (1, 3) to (-3, 1), and a shift by (5, 2) that to (2, 3)."""
+    first, then = Placement(1.0, 3.0, 0.2, 0.3), Placement(5.0, 2.0, 0.1, 0.5 * math.pi)
     both = then.after(first)
-    assert (both.x, both.y, both.z, both.yaw) == pytest.approx((0.0, 3.0, 0.2, 0.3 + 0.5 * math.pi))
+    assert (both.x, both.y, both.z, both.yaw) == pytest.approx((2.0, 3.0, 0.3, 0.3 + 0.5 * math.pi))
+
+
+def test_a_cell_is_what_holds_its_centre():
+    """Of a grid with five cells to an edge it is the third one along each axis, wherever it is."""
+    window = Window(0.1, (2, 3, 1), (4, 3, 2))
+    fine = np.random.default_rng(1).choice(np.array([UNKNOWN, FREE], np.uint8), (20, 15, 10))
+    found = resampled(Grid(fine, np.zeros(3), 0.02), Placement(0.2, 0.3, 0.025, 0.0), window)
+    np.testing.assert_array_equal(found, fine[2::5, 2::5, 2::5])
 
 
 def test_the_known_box_is_the_least_one():
