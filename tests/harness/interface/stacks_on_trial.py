@@ -73,30 +73,16 @@ class Lands(Base):
         return Command(Waypoints(np.array([here, [*here[:2], 0.08]])))
 
 
-class Swerves(Base):
-    """Turns by 39 degrees to either side of the way to the goal, each for a second."""
+class Breaks(Base):
+    """Answers well three times, and then as `broken` does."""
 
     def step(self, observation):
-        side = 0.8 if observation.sequence // 10 % 2 else -0.8
-        ahead = (np.array(self.task.mission.goal) - observation.position) * (1.0, 1.0, 0.0)
-        ahead /= np.linalg.norm(ahead)
-        aside = side * np.array([-ahead[1], ahead[0], 0.0])
-        points = observation.position + 1.5 * np.array([ahead + aside, 2.0 * ahead + aside])
-        return Command(Waypoints(points))
+        return self.broken() if observation.sequence == 3 else Command(Velocity(0.2))
 
 
-class Raises(Base):
-    def step(self, observation):
-        if observation.sequence == 3:
-            raise KeyError("map")
-        return Command(Velocity(0.2))
-
-
-class Nothing(Base):
-    """Returns nothing."""
-
-    def step(self, observation):
-        pass
+class Raises(Breaks):
+    def broken(self):
+        raise KeyError("map")
 
 
 class RaisesInStart(Ahead):
@@ -113,24 +99,20 @@ class RaisesInBoth(RaisesInStart, RaisesInClose):
     """Raises in `start`, and then in `close`."""
 
 
-class Dies(Base):
-    def step(self, observation):
-        if observation.sequence == 3:
-            print("segmentation fault, more or less", file=sys.stderr, flush=True)
-            os._exit(7)
-        return Command(Velocity(0.2))
+class Dies(Breaks):
+    def broken(self):
+        print("segmentation fault, more or less", file=sys.stderr, flush=True)
+        os._exit(7)
 
 
-class Hangs(Base):
-    def step(self, observation):
-        if observation.sequence == 3:
-            time.sleep(1000.0)
-        return Command(Velocity(0.2))
+class Hangs(Breaks):
+    def broken(self):
+        time.sleep(1000.0)
 
 
-class Nan(Base):
-    def step(self, observation):
-        return Command(Velocity(float("nan") if observation.sequence == 3 else 0.2))
+class Nan(Breaks):
+    def broken(self):
+        return Command(Velocity(float("nan")))
 
 
 class Elsewhere(Base):
@@ -142,12 +124,9 @@ class Elsewhere(Base):
         return Command(Samples(0.1, positions, np.zeros(2)))
 
 
-class Garbage(Base):
-    def step(self, observation):
-        if observation.sequence == 3:
-            os.write(1, b"hello, world, this is no message")
-            sys.__stdout__.flush()
-        return Command(Velocity(0.2)) if observation.sequence != 3 else "go"
+class Garbage(Breaks):
+    def broken(self):
+        return "go"
 
 
 class Floods(Base):

@@ -94,12 +94,6 @@ def test_the_client_gives_the_chain_of_the_same_stack_in_this_process(tmp_path, 
     assert len(speeds) > 5  # it saw something
 
 
-@pytest.mark.large
-def test_the_client_reaches_a_goal(tmp_path, command):
-    result = trial(tmp_path / "a.mcap", command, "empty", "drone", 60)
-    assert (result.outcome, result.collisions) == ("success", 0)
-
-
 def test_an_exception_of_the_client_is_the_reason_of_the_end(tmp_path, environment, command):
     mine = tmp_path / "mine.py"
     mine.write_text(CLIENT.read_text().replace("room = self.room(observation)", "room = 1 / 0"))

@@ -89,21 +89,23 @@ class SlowTimer(Timer):
         super().fire(time_ns)
 
 
-class OnceInAWhile(Timer):
-    """Says nothing in most periods, as Nav2 does while it plans or recovers."""
-
-    def fire(self, time_ns):
-        if time_ns // PERIOD_NS % 3 == 2:
-            super().fire(time_ns)
-
-
 class PlainTwist(Timer):
+    """Sends commands without a stamp."""
+
     def __init__(self, domain):
         super().__init__(domain)
         self.plain = self.node.publisher("/cmd_vel", Twist)
 
     def fire(self, time_ns):
         self.plain.publish(self.twist())
+
+
+class OnceInAWhile(PlainTwist):
+    """Says nothing in most periods, as Nav2 does while it plans or recovers."""
+
+    def fire(self, time_ns):
+        if time_ns // PERIOD_NS % 3 == 2:
+            super().fire(time_ns)
 
 
 class Silent(Client):

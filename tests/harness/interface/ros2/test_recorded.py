@@ -42,7 +42,7 @@ class Recorded:
     ):
         self.bag, stack = folder / "bag", f"stack.name=ros2:domain={DOMAIN},pace={pace}"
         filtered = f"map.filters={','.join(NAMES)}"  # as the built-in stack's map has them
-        running = ["episode.time_limit=1.5", "plugins.wall_s=30", stack, filtered]
+        running = ["episode.time_limit=1", "plugins.wall_s=30", stack, filtered]
         scenario = build(override(Config("empty", robot, 1), [*running, *settings]))
         words = HERE / "recorder.py", DOMAIN, self.bag, "MCAP", *topics
         with run_process(*words) as recorder, recorder.stdout as output:
@@ -77,7 +77,7 @@ def versions(log):
 
 def test_a_bag_of_the_topics_gives_the_maps_that_the_referee_had(recorded, tmp_path):
     of_bag, _ = shadow(recorded.bag, tmp_path / "b.mcap", sensors=("/points",))
-    assert len(versions(of_bag)) == 16
+    assert len(versions(of_bag)) == 11
     assert versions(of_bag) == versions(recorded.log)
     assert replay(of_bag).identical
     assert summarize(assess(of_bag)).admitted_share == 1.0
@@ -105,17 +105,17 @@ def test_a_shorter_range_and_silence_that_says_nothing_count(recorded, tmp_path)
 
 
 @pytest.mark.large
-def test_so_it_does_where_a_node_was_waited_for(tmp_path):
-    timed = Recorded(tmp_path, ALL, "auto", "SlowTimer")
-    of_bag, _ = shadow(timed.bag, tmp_path / "b.mcap", sensors=("/points",))
-    assert versions(of_bag) == versions(timed.log)
-
-
-@pytest.mark.large
-def test_so_it_does_of_a_rolling_shutter(tmp_path):
-    rolling = Recorded(tmp_path, ALL, settings=["sensors.lidar=velodyne-vlp16"])
-    of_bag, _ = shadow(rolling.bag, tmp_path / "b.mcap", sensors=("/points",))
-    assert versions(of_bag) == versions(rolling.log)
+@pytest.mark.parametrize(
+    ("pace", "client", "settings"),
+    [
+        ("auto", "SlowTimer", ()),  # a node was waited for
+        ("lockstep", "Repeats", ["sensors.lidar=velodyne-vlp16"]),  # a rolling shutter
+    ],
+)
+def test_so_it_does_at_another_pace_and_of_another_sensor(tmp_path, pace, client, settings):
+    made = Recorded(tmp_path, ALL, pace, client, settings)
+    of_bag, _ = shadow(made.bag, tmp_path / "b.mcap", sensors=("/points",))
+    assert versions(of_bag) == versions(made.log)
 
 
 def test_so_it_does_of_the_three_sensors_of_a_drone(tmp_path):
@@ -130,10 +130,10 @@ def test_a_bag_of_points_gives_the_maps_of_the_log_without_silent_beams(tmp_path
     of_log, _ = shadow(recorded.log, tmp_path / "of-log.mcap", no_return_is_free=False)
     options = {"sensors": ("/points",), "range_max": 12.0}
     of_bag, recording = shadow(recorded.bag, tmp_path / "of-bag.mcap", **options)
-    assert len(versions(of_bag)) == 16
+    assert len(versions(of_bag)) == 11
     assert versions(of_bag) == versions(of_log)
-    assert len(set(versions(of_bag))) == 16
+    assert len(set(versions(of_bag))) == 11
     assert recording.body_height == pytest.approx(0.3, abs=0.02)
     summary = summarize(assess(of_bag))
-    assert summary.driven_m > 0.1
+    assert summary.driven_m > 0.05
     assert summary.admitted_share == 1.0
