@@ -93,10 +93,6 @@ def test_what_flies_turns_up_and_down_too():
     np.testing.assert_allclose(stop(space(*bar), ground=True)[:, 2], 1.0)
 
 
-def test_a_slow_robot_just_stops():
-    assert stop(space((13, 31, 10)), speed=0.2) is AHEAD
-
-
 def travelled(path, speed):
     """The path of the stop along a path, to where it ends at rest."""
     return stop_along(path, PathState(0, 0.0, speed, 0.0, 0.0), LIMITS).path
@@ -104,11 +100,11 @@ def travelled(path, speed):
 
 def test_a_bend_comes_no_nearer_than_the_path_does_until_the_robot_is_at_rest():
     generator, bends = np.random.default_rng(0), 0
-    for n in range(300):
+    for n in range(120):
         speed = (0.4, 0.6, 2.0)[n % 3]
         around = space(*generator.integers((10, 24, 8), (24, 36, 13), (3, 3)))
         path = stop(around, speed)
         bends += path is not AHEAD
         straight = around.least_clearance(travelled(AHEAD, speed))
         assert around.least_clearance(travelled(path, speed)) >= straight
-    assert bends > 50
+    assert bends > 20

@@ -1,4 +1,4 @@
-"""Following the global path, one manoeuvre at a time."""
+"""Following the global path, one manoeuvre at a time, and leaving it early for a new one."""
 
 from dataclasses import replace
 
@@ -9,7 +9,6 @@ from tests.harness.stack.make_input import (
     GOAL,
     LIMITS,
     LONG,
-    PERIOD_NS,
     SIDLES,
     START,
     TURNS,
@@ -18,22 +17,25 @@ from tests.harness.stack.make_input import (
     course_of,
     drive,
     final_sample,
+    make_gait,
     make_input,
     make_states,
     next_input,
     place,
     top_speed,
+    with_spaces,
 )
 from wayproof.harness.stack.decide import decide
 from wayproof.harness.stack.footprint_checks import first_misfit
+from wayproof.harness.stack.gaits import AnyDirection, Flight
+from wayproof.harness.stack.global_path import keep_or_replan
 from wayproof.harness.stack.manoeuvres.driving import fit_trajectory
 from wayproof.harness.stack.manoeuvres.following import brake_on_path, follow, keep_course
 from wayproof.harness.stack.manoeuvres.setting_out import set_out, step_aside, turn_to
-from wayproof.harness.stack.path_timing import plan_trajectory
-from wayproof.harness.stack.situation import DrivablePart
-from wayproof.harness.stack.state import Exploration
-from wayproof.harness.stack.types import BehaviourConfig, arc_length
-from wayproof.planners import stopping_distance
+from wayproof.harness.stack.path_timing import fastest_found, plan_trajectory
+from wayproof.harness.stack.situation import DrivablePart, drivable_part
+from wayproof.harness.stack.types import BehaviourConfig, arc_length, is_free_along
+from wayproof.planners import PathState, follow_path, stopping_distance
 
 PATH = np.array([place(*START), place(*GOAL)])
 FULL_STOP = stopping_distance(LIMITS.speed, 0.0, LIMITS)
@@ -107,14 +109,6 @@ def test_a_turn_into_the_path_is_no_drive_that_ends_at_its_heading():
     assert np.ptp(command.trajectory.path, axis=0).max() == 0.0
 
 
-def test_a_robot_that_turns_while_exploring_says_that_it_explores():
-    input = make_input(gait=TURNS)
-    state = at_rest(global_path=PATH, exploration=Exploration(since=4))
-    command, _ = turn_to(course_of(input, state), 1.5)
-    assert (command.action, command.reason.kind) == ("explore", "looking_elsewhere")
-    assert command.reason.since == 4
-
-
 @pytest.mark.parametrize(("heading", "tail_first"), [(0.0, False), (np.pi, True)])
 def test_a_long_body_in_a_lane_sets_out_as_it_lies(heading, tail_first):
     input = make_input(LANE, LONG, heading=heading)
@@ -139,16 +133,6 @@ def test_a_long_body_with_no_room_to_turn_into_its_path_waits_and_drops_it():
     assert command.reason.kind == "waiting"
     assert command.reason.cell_state == "occupied"
     assert after.global_path is None
-
-
-def test_a_long_body_keeps_its_course_where_that_is_free():
-    state = drive(8, body=LONG)
-    input = next_input(state, 8, body=LONG)
-    fresh = changed(state, improved_ns=123)
-    command, after = keep_course(course_of(input, fresh, previous=state))
-    assert (command.action, command.reason.kind) == ("follow", "following")
-    assert command.trajectory is state.trajectory
-    assert after.route.improved_ns == 123
 
 
 def test_a_long_body_drives_its_last_path_as_far_as_it_fits_before_it_brakes():
@@ -176,25 +160,6 @@ def test_a_trajectory_is_shortened_to_where_a_long_body_fits():
     ahead = np.array([place(*START), place(1.15, 2.05)])
     assert fit_trajectory(make_input(make_states(occupied=[(1.6, 1.8, 0.0, 4.0)]), LONG), start,
                           ahead, 1.0, tail_first=False) is None  # fmt: skip
-
-
-def test_a_trajectory_begins_with_the_speed_of_its_start():
-    state = drive(8)
-    input = next_input(state, 8)
-    start = state.trajectory.at(input.effect_ns)
-    planned = plan_trajectory(input, start, np.array([start.position, place(*GOAL)]), 0.5)
-    assert planned.start_ns == 9 * PERIOD_NS
-    assert planned.at(planned.start_ns).speed == pytest.approx(start.speed)
-    assert planned.at(planned.start_ns + 2 * 10**9).speed == pytest.approx(1.0, rel=1e-3)
-
-
-def test_a_body_that_moves_sideways_sets_out_at_once_and_turns_meanwhile():
-    input = make_input(heading=2.0, gait=SIDLES)
-    state = at_rest(heading=2.0)
-    command, _ = decide(input, state)
-    assert command.reason.kind == "following"
-    turning, _ = decide(replace(input, gait=TURNS), state)
-    assert turning.reason.kind == "turning"
 
 
 def test_a_long_body_steps_aside_at_its_heading_where_it_has_no_room_at_that_of_its_path():
@@ -225,3 +190,92 @@ def test_a_long_body_keeps_an_admitted_trajectory_where_its_path_has_closed():
     room["states"] = make_states(occupied=[(0.0, 8.0, 2.9, 4.0), (4.0, 4.3, 0.0, 4.0)])
     command, _ = follow(next_input(state, 8, **room), closed, start, previous=state)
     assert command.reason.kind == "braking_for_blocked"
+
+
+FLIES = {"gait": make_gait(Flight, sideways_speed=LIMITS.speed)}
+BLOCK = (4.0, 4.3, 0.0, 2.4)
+"""What comes to light on the straight line, with room beside it."""
+
+
+def in_motion(**moves):
+    """A robot at 2 m/s whose straight path is found blocked: its input, state and start."""
+    state = drive(9, **moves)
+    input = next_input(state, 9, states=make_states(occupied=[BLOCK]), **moves)
+    return input, state, state.trajectory.at(input.effect_ns)
+
+
+def leaves_after(path):
+    """Length of a path (n, 3) before it leaves the straight line, m."""
+    off = np.abs(path[:, 1] - START[1]) > 0.01
+    return path[np.argmax(off), 0] - path[0, 0]
+
+
+def test_a_path_is_left_within_the_distance_of_a_stop_and_still_ends_at_rest_in_free_space():
+    input, state, start = in_motion(**FLIES)
+    braking = stopping_distance(start.speed, start.acceleration, input.gait.limits)
+    path = keep_or_replan(input, state, start).state.global_path
+    assert leaves_after(path) < 0.7 * braking
+    assert is_free_along(input.traversable, path)
+    motion = PathState(0, 0.0, start.speed, start.acceleration, start.heading)
+    assert follow_path(path, motion, input.gait.limits, 9.0).overshoot_m == 0.0
+    facing, state, start = in_motion()
+    assert leaves_after(keep_or_replan(facing, state, start).state.global_path) > braking
+
+
+@pytest.mark.parametrize(
+    ("kind", "sideways", "early"),
+    [(Flight, 2.0, True), (Flight, 0.0, False), (AnyDirection, 2.0, False)],
+)
+def test_only_a_body_that_flies_in_any_direction_bends_early(kind, sideways, early):
+    limits = replace(LIMITS, speed=4.0, lateral_acceleration=4.0)
+    gait = make_gait(kind, limits=limits, sideways_speed=sideways)
+    assert bool(gait.early_bends) is early
+    assert gait.replan_period == pytest.approx(0.3 if early else 1.0)
+    assert gait.blend_length(0.6) == pytest.approx(1.2 if early else 0.6)
+
+
+BENT = np.array([place(1.05, 2.05), place(3.05, 2.05), place(3.05, 3.55)])
+
+
+@pytest.mark.parametrize(("moves", "length"), [({}, 2.0), (FLIES, 3.5)])
+def test_a_corner_that_cannot_be_rounded_is_flown_slowly_and_not_stopped_at(moves, length):
+    input = make_input(goal=(3.05, 3.55), **moves)
+    state = at_rest(global_path=BENT)
+    part = drivable_part(input, BENT, state.trajectory.at(input.effect_ns))
+    assert part.length == pytest.approx(length)
+
+
+def ahead(start, *offsets):
+    """A path (n, 3) from the start through places beside it, (x, y) m."""
+    return np.array([start.position + np.array([x, y, 0.0]) for x, y in ((0.0, 0.0), *offsets)])
+
+
+def chosen(input, start, braking, paths):
+    """The choice among paths (n, 3), by the share of the way to a stop after which they leave."""
+    prefix = ahead(start, (braking, 0.0))
+    return fastest_found(
+        input, start, prefix, lambda kept: (None, paths[round(arc_length(kept) / braking, 2)])
+    )[1]
+
+
+def test_the_fastest_path_is_taken_of_those_along_which_the_limits_are_kept():
+    input, _, start = in_motion(**FLIES)
+    braking = stopping_distance(start.speed, start.acceleration, input.gait.limits)
+    long, short = ahead(start, (3.0, 0.0), (3.0, 1.0)), ahead(start, (3.0, 0.0))
+    kink = ahead(start, (0.1, 0.0), (0.1, 0.05), (0.1, 1.5))
+    free = with_spaces(input, traversable=make_input().traversable)
+    assert chosen(free, start, braking, {1.0: long, 0.5: short, 0.05: kink}) is short
+    assert chosen(free, start, braking, {1.0: short, 0.5: long, 0.05: kink}) is short
+    assert chosen(free, start, braking, {1.0: None, 0.5: long, 0.05: None}) is long
+    assert chosen(free, start, braking, {1.0: None, 0.5: None, 0.05: kink}) is None
+
+
+def test_no_path_is_taken_early_that_is_not_admitted_as_far_as_a_stop_takes():
+    input, _, start = in_motion(**FLIES)
+    braking = stopping_distance(start.speed, start.acceleration, input.gait.limits)
+    x = round(float(start.position[0]) + 0.5 * braking, 1)
+    near = make_input(make_states(unknown=[(x, 8.0, 0.0, 4.0)])).traversable
+    late, early = ahead(start, (3.0, 0.0), (3.0, 1.0)), ahead(start, (3.0, 0.0))
+    assert chosen(input, start, braking, {1.0: late, 0.5: None, 0.05: early}) is early
+    unknown = with_spaces(input, traversable=near)
+    assert chosen(unknown, start, braking, {1.0: late, 0.5: None, 0.05: early}) is late

@@ -1,16 +1,23 @@
-"""The pipeline on a real map: integrate, update the costmap, decide, record, commit."""
+"""The pipeline on a real map, its records, and the limits of motion that it plans with."""
+
+import math
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from wayproof.harness.config import Config
-from wayproof.harness.config_document import override
-from wayproof.harness.decision import chain_hash
+from wayproof.harness.config_document import from_json, override, to_json
+from wayproof.harness.decision import add_points, chain_hash, path_of, widened_in_words, widening_of
 from wayproof.harness.errors import InputError
 from wayproof.harness.inputs import Inputs, Pose
 from wayproof.harness.mission import Mission
+from wayproof.harness.scenario.scenario import build
+from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.build import build_navigator
-from wayproof.maps import FREE, OCCUPIED, UNKNOWN
+from wayproof.harness.stack.planner_input import motion_limits
+from wayproof.models.robots import LIMITS_IN_STATIC_WORLDS, ROBOTS, ROBOTS_BY_LIMITS
 
 DRONE = Mission(
     motion="air",
@@ -45,27 +52,6 @@ def all_free(stack):
     return stack
 
 
-def test_in_a_free_map_the_first_decision_leads_to_the_goal():
-    stack = all_free(navigator())
-    decision = stack.step(inputs())
-    assert (decision.action, decision.label) == ("follow", "none")
-    end = decision.global_path[-1]
-    assert (end.x, end.y, end.z) == pytest.approx(DRONE.goal, abs=1e-5)
-    assert decision.trigger == "pose"
-    assert decision.map_version == stack.mapper.version()
-    assert decision.input_digest == "digest"
-
-
-def test_only_the_declared_start_is_free_in_the_map_of_a_new_navigator():
-    stack = navigator()
-    decision = stack.step(inputs())
-    states = stack.costmap.state
-    assert (states == FREE).any()
-    assert not (states == OCCUPIED).any()
-    assert (states == UNKNOWN).mean() > 0.5
-    assert (decision.action, decision.label) == ("stop_and_wait", "unknown_ahead")
-
-
 def test_a_decision_past_its_deadline_is_discarded_and_labelled():
     stack = all_free(navigator("latency.deadline=0.1"))
     before = stack.state
@@ -94,7 +80,69 @@ def test_the_chain_leaves_out_latencies_and_covers_all_else():
     assert chain_hash(decision, "before") != chain
 
 
-def test_a_state_space_that_the_body_cannot_be_planned_in_is_refused_in_one_line():
-    with pytest.raises(InputError, match=r"^robot 'drone': ") as refused:
-        navigator("planner.name=rrtstar", "planner.state_space=dubins")
-    assert "\n" not in str(refused.value)
+coordinates = st.floats(allow_nan=True, allow_infinity=True)
+
+
+@pytest.mark.parametrize(("kind", "field"), [(pb.Trajectory, "path"), (pb.Decision, "global_path")])
+@given(points=st.lists(st.tuples(coordinates, coordinates, coordinates), max_size=20))
+def test_points_in_wire_format_are_the_messages_that_protobuf_makes_itself(kind, field, points):
+    """Down to what is left out when serialized: a zero, but not a negative one, and no path."""
+    nothing = pb.Decision()
+    add_points(nothing, "global_path", None)
+    assert nothing == pb.Decision()
+    quick, slow = kind(), kind()
+    for message in (quick, slow):  # what is there already stays
+        getattr(message, field).add(x=1.0)
+    add_points(quick, field, np.array(points).reshape(-1, 3))
+    getattr(slow, field).extend(pb.Point(x=x, y=y, z=z) for x, y, z in points)
+    assert quick.SerializeToString(deterministic=True) == slow.SerializeToString(deterministic=True)
+    np.testing.assert_array_equal(
+        path_of(getattr(quick, field))[1:], path_of(getattr(slow, field))[1:]
+    )
+
+
+def test_a_widening_is_named_by_its_axis_and_a_forged_one_refused():
+    wider = pb.Decision(resolution_m=0.1, widening=[0, 5])
+    assert widened_in_words(wider) == ", 0.50 m more along y"
+    assert widening_of(pb.Decision()) == (0, 0)
+    for forged in ([1], [1, 2, 3], [0, 4_000_000_000]):
+        with pytest.raises(InputError, match=r"widening .* expected two of at most 400 cells"):
+            widening_of(pb.Decision(widening=forged))
+
+
+SLOPES = "costmap.max_slope=0.2"
+
+
+@pytest.mark.parametrize(
+    ("robot", "world", "settings", "limits", "speed", "sideways"),
+    [
+        ("quadruped", "empty", [], "full", 1.5, 0.35),
+        ("quadruped", "crossing", [], "cautious", 1.0, 0.0),
+        ("quadruped", "ghosts", [], "cautious", 1.0, 0.0),
+        ("quadruped", "crossing", ["motion.limits=full"], "full", 1.5, 0.35),
+        ("quadruped", "empty", ["motion.limits=cautious"], "cautious", 1.0, 0.0),
+        ("quadruped", "empty", [SLOPES], "sloping", 0.7, None),
+        ("quadruped", "crossing", [SLOPES], "sloping", 0.7, None),
+        ("quadruped", "empty", [SLOPES, "motion.limits=full"], "full", 1.5, 0.35),
+        ("drone", "empty", [], "full", 4.0, 4.0),
+        ("drone", "crossing", [], "cautious", 2.0, 0.0),
+        ("drone", "empty", ["motion.limits=cautious"], "cautious", 2.0, 0.0),
+    ],
+)
+def test_a_log_says_which_limits_a_robot_had_in_its_world(
+    robot, world, settings, limits, speed, sideways
+):
+    built = build(override(Config(world, robot, 0), settings))
+    config, mission = built.config, built.mission
+    assert (config.motion.limits, mission.max_speed) == (limits, speed)
+    assert sideways is None or mission.sideways_speed == sideways
+    # What walks turns by the acceleration of its gait.
+    turns = 4.0 if robot == "quadruped" and SLOPES not in settings else 0.0
+    assert mission.max_yaw_acceleration == turns
+    assert motion_limits(config, mission).yaw_acceleration == (turns or math.inf)
+    assert from_json(to_json(config)) == config
+
+
+def test_the_registry_says_of_every_robot_what_auto_stands_for():
+    assert set(LIMITS_IN_STATIC_WORLDS) == set(ROBOTS)
+    assert all(set(robots) == set(ROBOTS) for robots in ROBOTS_BY_LIMITS.values())

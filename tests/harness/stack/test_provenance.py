@@ -8,6 +8,7 @@ import pytest
 
 from tests.harness.replay.episodes import committed_of
 from wayproof.harness.cli.main import main
+from wayproof.harness.config import Config
 from wayproof.harness.config_document import override
 from wayproof.harness.errors import InputError
 from wayproof.harness.geometry import polyline_length
@@ -18,35 +19,32 @@ from wayproof.harness.replay.audit import audit
 from wayproof.harness.replay.audit.run import judge
 from wayproof.harness.replay.replay import replay
 from wayproof.harness.replay.what_if import what_if
+from wayproof.harness.scenario.scenario import build
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.build import build_navigator
 from wayproof.harness.stack.provenance import places_along
 from wayproof.harness.trace import read_trace
 from wayproof.planners import arc_lengths, point_at
 
-SHORT = "episode.time_limit=5"
+SHORT = "episode.time_limit=3"
 TRUTH = "prior.source=truth"
+GUESS, NO_GUESS = "prediction.source=completion", "prediction.policy=ignore"
 
 
 def decisions(result):
     return [one for one in read_messages(Path(result.log)) if isinstance(one, pb.Decision)]
 
 
-def test_a_prior_that_is_ignored_changes_no_decision(recorded):
-    robot = "drone"
-    plain = recorded("warehouse", robot, 1, SHORT)
-    ignored = recorded("warehouse", robot, 1, SHORT, TRUTH, "prior.policy=ignore")
-    assert ignored.chain == plain.chain
-    assert not any(one.HasField("global_evidence") for one in decisions(ignored))
+@pytest.mark.parametrize("ignored", [(TRUTH, "prior.policy=ignore"), (GUESS, NO_GUESS)])
+def test_what_is_ignored_changes_no_decision(recorded, ignored):
+    result = recorded("warehouse", "drone", 1, SHORT, *ignored)
+    assert result.chain == recorded("warehouse", "drone", 1, SHORT).chain
+    assert not any(one.HasField("global_evidence") for one in decisions(result))
 
 
 def test_a_guide_changes_paths_and_admits_nothing(recorded):
-    robot = "drone"
-    result = recorded("warehouse", robot, 1, SHORT, TRUTH)
-    assert result.chain != recorded("warehouse", robot, 1, SHORT).chain
-    found = audit(Path(result.log))
-    assert found.violations == ()
-    assert found.swept > 30
+    result = recorded("warehouse", "drone", 1, SHORT, TRUTH)
+    assert result.chain != recorded("warehouse", "drone", 1, SHORT).chain
     stated = decisions(result)
     assert all(one.HasField("global_evidence") for one in stated)
     assert max(one.global_evidence.prior_m for one in stated) > 3.0
@@ -54,6 +52,23 @@ def test_a_guide_changes_paths_and_admits_nothing(recorded):
     figures = score(read_trace(open_log(Path(result.log))))
     assert figures["unmeasured_share"] == 0.0
     assert 0.2 < figures["guided_share"] < 1.0
+    assert main(["verify", result.log]) == 0
+
+
+@pytest.mark.parametrize(
+    ("robot", "settings"), [("quadruped", (GUESS,)), ("drone", (GUESS, TRUTH))]
+)
+def test_predictions_guide_below_a_prior_map_and_admit_nothing(recorded, robot, settings):
+    log = Path(recorded("warehouse", robot, 1, SHORT, *settings).log)
+    found = audit(log)
+    assert (found.violations, found.swept > 15) == ((), True)
+    stated = [one.global_evidence for one in open_log(log).decisions()]
+    most = {kind: max(getattr(one, kind) for one in stated) for kind in ("prior_m", "predicted_m")}
+    if TRUTH in settings:
+        assert most["prior_m"] > 3.0
+    else:
+        assert most["prior_m"] == 0.0 < most["predicted_m"]
+        assert replay(log).identical
 
 
 def test_a_prior_that_admits_is_found_by_the_audit_of_what_was_measured(recorded):
@@ -66,46 +81,24 @@ def test_a_prior_that_admits_is_found_by_the_audit_of_what_was_measured(recorded
     assert score(read_trace(open_log(log)))["unmeasured_share"] > 0.05
 
 
-@pytest.mark.parametrize(("robot", "policy"), [("quadruped", "guide"), ("drone", "admit")])
-def test_a_log_replays_from_its_own_cells(recorded, robot, policy):
-    log = Path(recorded("warehouse", robot, 1, SHORT, TRUTH, f"prior.policy={policy}").log)
-    assert replay(log).identical
-
-
-def test_an_episode_with_a_prior_is_verified_by_simulation(recorded):
-    log = recorded("warehouse", "drone", 1, SHORT, TRUTH).log
-    assert main(["verify", log]) == 0
-
-
-@pytest.fixture(scope="module")
-def moment(recorded):
-    """A decision under a guide that sets out on a path."""
+@pytest.mark.parametrize(("measured", "prior"), [(0.0, 1.0), (-0.9, 0.0), (None, None)])
+def test_a_planted_length_by_provenance_is_found(recorded, measured, prior):
+    """All of it on the prior, less than it is, and none stated."""
     log = open_log(Path(recorded("warehouse", "quadruped", 1, SHORT, TRUTH).log))
-    for one in committed_of(log):
-        if one.decision.action == "follow" and one.decision.committed_evidence.measured_m > 1.0:
-            return one
-    raise AssertionError("no decision sets out")
-
-
-def rests_on_the_prior(decision):
-    evidence = decision.committed_evidence
-    evidence.prior_m, evidence.measured_m = evidence.measured_m, 0.0
-
-
-def rests_on_less(decision):
-    decision.committed_evidence.measured_m -= 0.9
-
-
-def states_nothing(decision):
-    decision.ClearField("committed_evidence")
-
-
-@pytest.mark.parametrize("change", [rests_on_the_prior, rests_on_less, states_nothing])
-def test_a_planted_length_by_provenance_is_found(moment, change):
+    moment = next(
+        one for one in committed_of(log)
+        if one.decision.action == "follow" and one.decision.committed_evidence.measured_m > 1.0
+    )  # fmt: skip
     assert judge(moment)[1] == []
     changed = pb.Decision()
     changed.CopyFrom(moment.decision)
-    change(changed)
+    evidence = changed.committed_evidence
+    if measured is None:
+        changed.ClearField("committed_evidence")
+    elif prior:
+        evidence.prior_m, evidence.measured_m = evidence.measured_m, measured
+    else:
+        evidence.measured_m += measured
     record = dataclasses.replace(moment.record, decision=changed)
     found = judge(dataclasses.replace(moment, record=record))[1]
     assert {one.rule for one in found} == {"evidence"}
@@ -146,23 +139,10 @@ def test_the_card_of_a_decision_says_what_its_paths_rest_on(recorded, capsys):
         assert text in shown
 
 
-@pytest.mark.large
-def test_occupied_cells_of_a_prior_turn_the_path_until_they_are_measured_away(recorded):
-    """All doorways of the prior are closed: it finds no way, so the search goes on without it."""
-    closed = 'perturbation={"kind": "stale_prior", "severity": 5, "mode": "doors"}'
-    result = recorded("warehouse", "drone", 1, TRUTH, closed)
-    assert result.outcome == "success"
-    first = decisions(result)[5:15]
-    assert all(len(one.global_path) for one in first if one.action == "follow")
-    assert audit(Path(result.log)).violations == ()
-
-
-def test_settings_are_checked_within_their_bounds(recorded):
-    config = open_log(Path(recorded("warehouse", "drone", 1, SHORT, TRUTH).log)).config
-    assert np.isfinite(config.prior.yaw)
-    for setting in ("prior.policy=believe", "prior.yaw=4", "prior.x=nan", "prior.up=w"):
-        with pytest.raises(InputError, match="prior"):
-            override(config, [setting])
+def test_a_completion_for_other_cells_is_refused():
+    scenario = build(override(Config("empty", "drone", 1), [GUESS, "map.resolution=0.2"]))
+    with pytest.raises(InputError, match=r"for cells of 0\.1 m"):
+        build_navigator(scenario.config, scenario.mission, {})
 
 
 def test_places_along_a_path_are_those_of_each_arc_length():
