@@ -15,14 +15,12 @@ from wayproof.harness.log.reader import open_log
 from wayproof.harness.prior.cells import logged_cells
 from wayproof.harness.replay.answers import sensors_of
 from wayproof.harness.replay.audit import audit
-from wayproof.harness.replay.closed_loop import simulate_again
-from wayproof.harness.replay.replay import replay
 from wayproof.harness.replay.verify import verify
 from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import build
 
 BUILTIN = f"{Path(__file__).parents[1] / 'interface' / 'stacks_on_trial.py'}:OfSeed1"
-SHORT = "episode.time_limit=3"
+SHORT = "episode.time_limit=1.5"
 
 
 def run(folder, stack, *settings, name="log"):
@@ -37,21 +35,16 @@ def ways(log):
 
 
 def test_a_stack_gets_the_prior_map_and_the_referee_admits_nothing_by_it(tmp_path):
-    inside = Path(run(tmp_path, BUILTIN, name="class").log)
     served = f"exec:{sys.executable} -m wayproof serve {BUILTIN}"
-    outside = Path(run(tmp_path, served, name="process").log)
-    assert ways(inside) == ways(outside)
-    assert ways(inside) == ways(Path(run(tmp_path, "builtin", name="ours").log))
+    log = Path(run(tmp_path, served, name="process").log)
+    assert ways(log) == ways(Path(run(tmp_path, "builtin", name="ours").log))
     without = run(tmp_path, BUILTIN, "prior.policy=ignore", name="without")
-    assert ways(inside) != ways(Path(without.log))
-    for log in (inside, outside):
-        stated = list(open_log(log).decisions())
-        assert {one.verdict.verdict for one in stated} == {"admitted"}
-        assert max(one.global_evidence.prior_m for one in stated) > 1.0
-        assert replay(log).identical
-        assert simulate_again(log).identical
-        found = audit(log)
-        assert found.violations == ()
+    assert ways(log) != ways(Path(without.log))
+    stated = list(open_log(log).decisions())
+    assert {one.verdict.verdict for one in stated} == {"admitted"}
+    assert max(one.global_evidence.prior_m for one in stated) > 1.0
+    assert verify(log).verified
+    assert audit(log).violations == ()
 
 
 def test_the_task_of_another_process_holds_the_cells(tmp_path):
@@ -65,24 +58,25 @@ def test_the_task_of_another_process_holds_the_cells(tmp_path):
     assert task_of(ignored, log.mission, sensors_of(log)).prior is None
 
 
-def test_a_recording_takes_the_map_of_a_file(tmp_path, recorded):
-    episode = recorded("office", "quadruped", 1, "episode.time_limit=5").log
-    common = ["shadow", str(episode), "--robot", "quadruped"]
+@pytest.fixture
+def episode(recorded):
+    """The log of an episode that is taken as a recording."""
+    return recorded("corridor", "quadruped", 1, "episode.time_limit=2").log
+
+
+def test_a_recording_takes_the_map_of_a_file(tmp_path, episode):
     log = tmp_path / "a.mcap"
-    code = main([*common, "--prior", str(episode), "--log", str(log)])
-    assert main([*common, "--log", str(tmp_path / "b.mcap")]) == code
+    command = ["shadow", episode, "--robot", "quadruped", "--prior", episode, "--log", str(log)]
+    assert main(command) in (0, 1)
     stated = list(open_log(log).decisions())
     assert max(one.global_evidence.prior_m for one in stated) > 0.1
-    assert replay(log).identical
     assert verify(log).verified
-    found = audit(log)
-    assert found.violations == ()
+    assert audit(log).violations == ()
 
 
 @pytest.mark.parametrize("source", ["truth", "splat"])
-def test_a_recording_has_no_geometry_to_make_a_map_of(tmp_path, recorded, capsys, source):
-    episode = recorded("office", "quadruped", 1, "episode.time_limit=5").log
-    common = ["shadow", str(episode), "--robot", "quadruped", "--log", str(tmp_path / "a.mcap")]
+def test_a_recording_has_no_geometry_to_make_a_map_of(tmp_path, episode, capsys, source):
+    common = ["shadow", episode, "--robot", "quadruped", "--log", str(tmp_path / "a.mcap")]
     assert main([*common, "--prior", source]) == 2
     assert "for a recording, whose world is not known; expected a file" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())

@@ -20,7 +20,7 @@ from wayproof.harness.scenario.worlds import find_world
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN
 from wayproof.maps.columns import Window, unpack
 
-SHORT = "episode.time_limit=5"
+SHORT = "episode.time_limit=2"
 
 
 @pytest.fixture(scope="module")
