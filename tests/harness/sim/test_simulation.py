@@ -117,17 +117,3 @@ def test_a_step_reports_that_the_base_left_the_limits_of_the_termination_monitor
             reported = simulation.step(save=False)
             assert (monitor.check_physics() is not None) == reported
             assert reported is left
-
-
-def test_touching_an_obstacle_is_reported_at_every_step(scenario):
-    at_rest, *_ = trajectories(scenario)
-    simulation = Simulation(scenario, at_rest)
-    monitor = TerminationMonitor(scenario, simulation.data, simulation.truth)
-    obstacle = int(np.flatnonzero(simulation.truth.is_obstacle)[-1])
-    axes = 2 if scenario.spec.motion == "ground" else 3
-    simulation.data.qpos[:axes] = scenario.scene.model.geom_pos[obstacle, :axes]
-    assert simulation.step(save=False)
-    assert simulation.truth.collisions == 1
-    assert monitor.check_physics()[0] == "collision"
-    assert simulation.step(save=False)
-    assert simulation.truth.collisions == 1
