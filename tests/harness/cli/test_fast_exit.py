@@ -70,20 +70,19 @@ def test_where_a_users_code_runs_all_is_finalized(verb, options, only_ours):
 
 
 def test_a_verdict_is_whole_and_has_its_exit_code(recorded, capsys):
-    log = recorded("empty", "drone", 1).log
-    command = ["-m", "wayproof", "explain", log, "3"]
-    assert main(command[2:]) == 0
-    done = process(*command)
+    explain = ["explain", recorded("empty", "drone", 1).log, "3"]
+    assert main(explain) == 0
+    done = process("-m", "wayproof", *explain)
     assert (done.returncode, done.stdout, done.stderr) == (0, capsys.readouterr().out, "")
-    with open("/dev/full", "w") as full:
-        done = process(*command, stdout=full)
-    assert done.returncode == 2
-    assert done.stderr == "wayproof: standard output: No space left on device\n"
+    for command in (explain, ["list"]):
+        with open("/dev/full", "w") as full:
+            done = process("-m", "wayproof", *command, stdout=full)
+        assert done.returncode == 2
+        assert done.stderr == "wayproof: standard output: No space left on device\n"
     read, write = os.pipe()
     os.close(read)  # a reader that went away
-    done = process(*command, stdout=write)
+    done = process("-m", "wayproof", "list", stdout=write)
     os.close(write)
     assert (done.returncode, done.stderr) == (141, "")
-    done = process(*command[:-1], "100000")
-    assert done.returncode == 2
-    assert "expected a decision's number" in done.stderr
+    assert main([*explain[:-1], "100000"]) == 2
+    assert "expected a decision's number" in capsys.readouterr().err

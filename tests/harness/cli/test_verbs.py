@@ -1,4 +1,4 @@
-"""What holds for each verb: help that teaches, quiet pipes, one document under --json."""
+"""What holds for each verb: help that teaches, quiet pipes, one document; `list` and `import`."""
 
 import json
 import shlex
@@ -8,8 +8,18 @@ import sys
 
 import pytest
 
+from tests.harness.study.benchmark_files import field_folder
 from wayproof.harness.cli import COMMANDS
 from wayproof.harness.cli.main import main, parse, parser_of
+from wayproof.harness.config import Config
+from wayproof.harness.config_document import override
+from wayproof.harness.errors import InputError
+from wayproof.harness.log.reader import open_log
+from wayproof.harness.recompute.rebuild import rebuild
+from wayproof.harness.replay.replay import replay
+from wayproof.harness.runner import run_episode
+from wayproof.harness.scenario.scenario import build
+from wayproof.models.world_files import ImportOptions
 
 WRONG = {
     "run": ["nowhere", "--robot", "drone", "--seed", "1"],
@@ -144,10 +154,72 @@ def test_fish_completes(capsys, tmp_path):
     assert "warehouse" in shown.stdout
 
 
-def test_help_of_the_viewer_loads_neither_them_nor_the_simulator():
+def listed(capsys, *words):
+    assert main(["list", *words, "--json"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_a_section_has_its_settings_alone(capsys):
+    found = listed(capsys, "costmap")
+    assert list(found) == ["settings"]
+    assert all(name.startswith("costmap.") for name in found["settings"])
+
+
+def test_a_name_of_two_kinds_has_both(capsys):
+    assert set(listed(capsys, "pose_drift")) == {"perturbations", "studies"}
+
+
+def test_a_severity_has_its_amount_and_unit(capsys):
+    found = listed(capsys, "pose_jump")["perturbations"]["pose_jump"]
+    assert (found["amounts"], found["unit"]) == ([0.03, 0.1, 0.3, 0.8, 1.4], "m")
+
+
+def test_a_setting_is_printed_with_default_bounds_and_source(capsys):
+    assert main(["list", "map.resolution"]) == 0
+    shown = capsys.readouterr().out
+    for text in ("Edge of a cell, m.", "0.1", "0.01 to 0.5", "maps/config.py"):
+        assert text in shown
+
+
+@pytest.mark.parametrize(
+    "words", [["list", "--json"], ["run", "--help"], ["view", "--help"], ["--help"]]
+)
+def test_listing_and_help_load_nothing_heavy(words):
     code = (
         "import sys\nfrom wayproof.harness.cli.main import main\n"
-        "try:\n    main([sys.argv[1], '--help'])\nexcept SystemExit:\n    pass\n"
-        "assert not {'rerun', 'mujoco', 'PIL'} & set(sys.modules), sorted(sys.modules)"
+        "try:\n    main(sys.argv[1:])\nexcept SystemExit:\n    pass\n"
+        "heavy = {'numba', 'numpy', 'scipy', 'mujoco', 'ompl', 'rerun', 'PIL'} & set(sys.modules)\n"
+        "assert not heavy, heavy"
     )
-    subprocess.run([sys.executable, "-c", code, "view"], check=True, capture_output=True)
+    subprocess.run([sys.executable, "-c", code, *words], check=True, capture_output=True)
+
+
+def test_a_log_holds_the_world_of_its_file(tmp_path, capsys):
+    field_folder(tmp_path)
+    out = tmp_path / "field.xml"
+    command = ["import", str(tmp_path / "easy_0.csv"), "--out", str(out), "--json"]
+    assert main([*command, "--start", "0,0", "--goal", "12,0"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["notes"] == ["1 spheres more than 500 m away: left out"]
+    config = override(
+        Config(str(out), "drone", 5), ["episode.time_limit=1.0", "motion.altitude_high=6"]
+    )
+    first = run_episode(build(config), tmp_path / "first.mcap")
+    log = open_log(tmp_path / "first.mcap")
+    assert log.config.world == document["name"]
+    out.unlink()  # neither a replay nor another run needs it
+    assert replay(tmp_path / "first.mcap").identical
+    again = run_episode(rebuild(log), tmp_path / "again.mcap")
+    assert again.chain == first.chain
+    with pytest.raises(InputError, match="was read from a file: expected the file, or a log"):
+        build(log.config)
+
+
+def test_the_help_names_the_defaults_of_the_options(capsys):
+    with pytest.raises(SystemExit):
+        main(["import", "--help"])
+    document = " ".join(capsys.readouterr().out.split())
+    own = ImportOptions()
+    for value in (own.height, own.resolution, own.scale, own.unknown):
+        text = value if isinstance(value, str) else f"{value:g}"
+        assert f"(default: {text})" in document
