@@ -1,6 +1,6 @@
 """Drawn areas, posts, starts and goals: with free space to the goal no robot waits for ever.
 
-Of a dozen the first four run in every test. With `-m ""`, `DRAWN_EPISODES=N` runs N of them, and
+Of a dozen the first two run in every test. With `-m ""`, `DRAWN_EPISODES=N` runs N of them, and
 `DRAWN_FROM=K` begins at the K-th.
 """
 
@@ -105,7 +105,7 @@ def walls(low, high):
     ] + [Box((x + side * (w + thin), y, 1.0), (thin, h, 1.0), 0.0, "wall") for side in (-1.0, 1.0)]
 
 
-@pytest.mark.few(4)
+@pytest.mark.few(2)
 @pytest.mark.parametrize("number", EPISODES)
 def test_with_free_space_to_the_goal_no_robot_waits(tmp_path, number):
     robot, world, limit = drawn(number)

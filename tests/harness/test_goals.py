@@ -156,7 +156,6 @@ def test_a_collision_between_goals(recorded):
     log = open_log(Path(result.log))
     assert score(read_trace(log))["progress"] == pytest.approx(1 / 3)
     assert result.goal_distance_m > distance_left(log.mission, 2, np.array(log.mission.goals[1]))
-    assert replay(Path(result.log)).identical
     assert simulate_again(Path(result.log)).identical
 
 
@@ -165,7 +164,6 @@ def test_a_stack_on_trial_is_led_from_goal_to_goal(recorded):
     stack = f"exec:{sys.executable} -m wayproof serve gap"
     result = recorded("empty", "quadruped", 1, f"stack.name={stack}", *THERE_AND_BACK)
     assert result.outcome == "success", result.reason
-    assert replay(Path(result.log)).identical
     assert simulate_again(Path(result.log)).identical
 
 
@@ -177,38 +175,26 @@ def test_a_fork_after_the_first_goal_ends_alike_or_goes_elsewhere(recorded, tmp_
     result = recorded("empty", "drone", 1, *THERE_AND_BACK)
     path = Path(result.log)
     first = claims_of(open_log(path))[0]
-    for at in (first + 1, first + 5):
-        same = fork(path, at, (), tmp_path / f"same-{at}.mcap")
-        assert same.chain == result.chain
+    assert fork(path, first + 1, (), tmp_path / "same.mcap").chain == result.chain
     other = fork(path, first + 5, ["goal=[4.5,4.0]"], tmp_path / "other.mcap")
     assert other.outcome == "success"
-    assert replay(Path(other.log)).identical
     assert simulate_again(Path(other.log)).identical
     last = list(open_log(Path(other.log)).truth())[-1].position
     assert np.linalg.norm(np.subtract(last[:2], (4.5, 4.0))) < 0.25
 
 
 @pytest.mark.parametrize(
-    ("settings", "expected"),
+    ("mission", "setting", "expected"),
     [
-        (["waypoints=[]"], "a mission of 1 goals, expected several"),
-        (["waypoints=[[4.5,3.0],[4.0,3.0]]"], None),
-        (['waypoints=["aisle"]'], "expected a point or home"),
+        (THERE_AND_BACK, "waypoints=[]", "a mission of 1 goals, expected several"),
+        (THERE_AND_BACK, 'waypoints=["aisle"]', "expected a point or home"),
+        (CLOSE[1:], "waypoints=[[4.0,3.0]]", "a mission of 2 goals, expected one"),
     ],
 )
-def test_a_fork_keeps_several_goals(recorded, tmp_path, settings, expected):
-    path = Path(recorded("empty", "drone", 1, *THERE_AND_BACK).log)
-    if expected is None:
-        assert fork(path, 5, settings, tmp_path / "fork.mcap").outcome == "success"
-        return
+def test_a_fork_keeps_one_goal_or_several(recorded, tmp_path, mission, setting, expected):
+    path = Path(recorded("empty", "drone", 1, *mission).log)
     with pytest.raises(InputError, match=expected):
-        fork(path, 5, settings, tmp_path / "fork.mcap")
-
-
-def test_a_fork_of_a_mission_with_one_goal_gets_no_others(recorded, tmp_path):
-    path = Path(recorded("empty", "drone", 1, "start=[3,3]", "goal=[4.5,3]").log)
-    with pytest.raises(InputError, match="a mission of 2 goals, expected one"):
-        fork(path, 5, ["waypoints=[[4.0,3.0]]"], tmp_path / "fork.mcap")
+        fork(path, 5, [setting], tmp_path / "fork.mcap")
 
 
 def test_a_what_if_leads_to_the_goal_of_the_same_number(recorded):

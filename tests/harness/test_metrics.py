@@ -14,7 +14,7 @@ from tests.tools.small_log import COMMITTED
 from wayproof.harness.cli.main import main
 from wayproof.harness.metrics import METRICS, score
 from wayproof.harness.trace import Beliefs, Trace, read_trace
-from wayproof.harness.trajectory_error import Track
+from wayproof.harness.trajectory_error import Track, ate, relative_errors, rotations, rpe
 
 UPRIGHT = np.tile([1.0, 0, 0, 0], (4, 1))
 """Quaternions of four poses without a turn."""
@@ -100,18 +100,22 @@ def test_every_metric_by_hand() -> None:
     )
 
 
-def test_no_referee_judges_the_built_in_stack() -> None:
-    scores = score(trace(verdicts=None, cuts=None))
-    assert scores["not_admitted"] is scores["guard_cuts"] is None
-    admitted = score(trace(verdicts=("admitted",) * 4, cuts=np.zeros(4, bool)))
-    assert admitted["not_admitted"] == admitted["guard_cuts"] == 0.0
-    assert METRICS["not_admitted"].function(trace(verdicts=("unknown",) * 3)) == 1.0
-
-
-def test_a_stop_that_is_open_at_the_end_counts() -> None:
-    """Closing intervals only where motion resumes would drop the 2 s from t = 2 on."""
-    assert METRICS["time_stopped"].function(trace()) == 2.0
-    assert METRICS["time_stopped"].function(trace(duration=10.0)) == 8.0
+@pytest.mark.parametrize(
+    ("metric", "changes", "value"),
+    [
+        ("not_admitted", {"verdicts": None}, None),  # no referee judges the built-in stack
+        ("guard_cuts", {"cuts": None}, None),
+        ("not_admitted", {"verdicts": ("admitted",) * 4}, 0.0),
+        ("guard_cuts", {"cuts": np.zeros(4, bool)}, 0.0),
+        ("not_admitted", {"verdicts": ("unknown",) * 3}, 1.0),
+        ("time_stopped", {"duration": 10.0}, 8.0),  # a stop that is open at the end counts
+        ("soft_spl", {"goal_distance": 5.0}, 0.0),  # progress is clipped
+        ("barn_score", {"arrival": 0.5}, 0.5),  # clipped at both ends
+        ("barn_score", {"arrival": 100.0}, 0.125),
+    ],
+)
+def test_the_ends_of_a_metric(metric: str, changes: dict[str, object], value: float | None) -> None:
+    assert METRICS[metric].function(trace(**changes)) == value
 
 
 def test_jerk_does_not_scale_with_the_rate() -> None:
@@ -139,16 +143,6 @@ def test_no_failure_is_dropped_or_renamed(outcome: str) -> None:
     assert scores["collisions"] == 0.0  # a timeout is no collision
     assert scores["time_to_goal"] is scores["path_ratio"] is None
     assert scores["soft_spl"] == pytest.approx(0.5 * 0.8)
-
-
-def test_progress_is_clipped() -> None:
-    assert METRICS["soft_spl"].function(trace(goal_distance=5.0)) == 0.0
-
-
-def test_barn_score_is_clipped_at_both_ends() -> None:
-    barn = METRICS["barn_score"].function
-    assert barn(trace(arrival=0.5)) == 0.5
-    assert barn(trace(arrival=100.0)) == 0.125
 
 
 def test_an_episode_that_starts_at_its_goal_has_every_score() -> None:
@@ -190,3 +184,37 @@ def test_a_least_clearance_that_is_a_bound_says_so(
     assert f"│ least_clearance │ {said} │" in " ".join(capsys.readouterr().out.split())
     assert main(["explain", log, "--metrics", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["least_clearance_is_bound"] == (least == 2.0)
+
+
+LEFT = [math.cos(math.pi / 4), 0.0, 0.0, math.sin(math.pi / 4)]  # a quarter turn about z
+FACING = [1.0, 0.0, 0.0, 0.0]
+
+
+def test_a_shift_of_all_poses_is_an_absolute_error_alone():
+    truth = Track(np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]]), np.tile(FACING, (3, 1)))
+    shifted = Track(truth.positions + np.array([0.3, 0.4, 0.0]), truth.quaternions)
+    assert ate(shifted, truth) == pytest.approx(0.5)
+    assert rpe(shifted, truth) == pytest.approx(0.0, abs=1e-15)
+
+
+def test_motions_are_compared_in_the_frame_of_the_body():
+    """The estimate is turned by a quarter, and so are its steps: each walked one metre ahead."""
+    truth = Track(np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0]]), np.tile(FACING, (3, 1)))
+    turned = Track(np.array([[0.0, 0, 0], [0, 1, 0], [0, 2, 0]]), np.tile(LEFT, (3, 1)))
+    assert relative_errors(turned, truth) == pytest.approx([0.0, 0.0], abs=1e-15)
+    # Without the turn of its body, the same steps go to the side: (0, 1) against (1, 0).
+    sideways = Track(turned.positions, truth.quaternions)
+    assert rpe(sideways, truth) == pytest.approx(math.sqrt(2.0))
+
+
+def test_a_scale_of_the_quaternion_does_not_matter():
+    quarter = rotations(np.array([LEFT, [2.0 * one for one in LEFT]]))
+    assert quarter[0] == pytest.approx(quarter[1])
+    assert quarter[0] == pytest.approx(np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]))
+
+
+def test_too_few_moments_have_no_error():
+    none = Track(np.zeros((0, 3)), np.zeros((0, 4)))
+    one = Track(np.zeros((1, 3)), np.array([FACING]))
+    assert ate(none, none) is None
+    assert rpe(one, one) is None

@@ -156,6 +156,7 @@ def test_a_rolling_sweep_is_straightened_by_believed_poses(recorded):
 def test_the_body_tracks_what_it_believes(tmp_path):
     """Believed at the goal, the body truly rests beside it by the estimate's error."""
     settings = ["pose_model.bias_sigma=0.05", "pose_model.correlation_time=1000"]
+    settings += ["start=[3.0,3.0]", "goal=[4.5,3.0]"]
     result = run_episode(
         build(override(Config("empty", "quadruped", 1), settings)), tmp_path / "off.mcap"
     )

@@ -1,8 +1,11 @@
 """A new kind of sensor: one file and one line in `DEVICES`, through an episode and its replay."""
 
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
 import pytest
 
-from tests.harness.sonar_ring import SONAR_RING
 from wayproof.harness import config_document as settings
 from wayproof.harness.config import Config
 from wayproof.harness.config_document import override
@@ -12,7 +15,8 @@ from wayproof.harness.replay.replay import replay
 from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import build
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.models.sensors.devices import DEVICES, OWN
+from wayproof.models.sensors.beams import BeamTable
+from wayproof.models.sensors.devices import DEVICES, OWN, Device, RangeNoise
 
 
 @pytest.fixture
@@ -23,7 +27,7 @@ def registered(monkeypatch):
 
 
 def test_a_new_kind_drives_an_episode_that_replays(registered, tmp_path):
-    chosen = ["sensors.lidar=sonar-ring", "episode.time_limit=2"]
+    chosen = ["sensors.lidar=sonar-ring", "episode.time_limit=1"]
     scenario = build(override(Config("corridor", "quadruped", 1), chosen))
     log = tmp_path / "sonars.mcap"
     result = run_episode(scenario, log)
@@ -40,3 +44,46 @@ def test_a_new_kind_drives_an_episode_that_replays(registered, tmp_path):
 def test_every_kind_names_itself():
     kinds = {type(device) for device in (*DEVICES.values(), SONAR_RING)}
     assert {kind.kind for kind in kinds} == {"depth_camera", "lidar", "rangefinder", "sonar_ring"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class SonarRing(Device):
+    """Sonars in a ring, each with a fan of beams over its cone, fired one after another.
+
+    Attributes:
+        sonars: Number of sonars around the z axis.
+        cone: Full opening angle of each, rad.
+        rays: Number of beams over each cone.
+    """
+
+    kind: ClassVar[str] = "sonar_ring"
+
+    sonars: int
+    cone: float
+    rays: int
+
+    def beam_table(self) -> BeamTable:
+        """Return one row, with the beams of every sonar side by side."""
+        centres = np.arange(self.sonars) * (2.0 * np.pi / self.sonars)
+        fan = np.linspace(-0.5 * self.cone, 0.5 * self.cone, self.rays)
+        azimuth = (centres[:, None] + fan).ravel()
+        return BeamTable(
+            rows=np.array([[1.0, 0.0]]),
+            columns=np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1),
+            beams=len(azimuth),
+            scan_poses=self.sonars,
+            measures=self.measures,
+        )
+
+
+SONAR_RING = SonarRing(
+    sonars=16,
+    cone=0.26,
+    rays=5,
+    range=5.0,
+    minimum_range=0.15,
+    rate=10.0,
+    noise=RangeNoise(sigma_proportional=0.01),
+    no_return_is_free=True,
+    source="assumed: sixteen sonars as robots of the nineties carried them",
+)

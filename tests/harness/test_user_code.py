@@ -279,36 +279,6 @@ def test_a_process_that_is_killed_leaves_a_whole_log_beside_packages_of_our_name
     whole_log(tmp_path, "mine.py:Killed", said, PYTHONPATH=f".:{ROOT}/src")
 
 
-KILLED_STACK = """
-import os
-import signal
-
-from wayproof import Command, Velocity
-
-
-class Killed:
-    def start(self, task):
-        pass
-
-    def step(self, observation):
-        if observation.sequence == 3:
-            os.kill(os.getpid(), signal.SIGKILL)
-        return Command(Velocity(0.2, duration_s=0.5))
-
-    def close(self):
-        pass
-"""
-
-
-@pytest.mark.large
-def test_a_stack_that_is_killed_leaves_a_whole_log_with_that_cause(tmp_path):
-    (tmp_path / "stack.py").write_text(KILLED_STACK)
-    said = "the process was ended by SIGKILL after 3 decisions"
-    log = whole_log(tmp_path, "stack.py:Killed", said, setting="stack.name")
-    assert (log.result["cause"], log.result["cause_decision"]) == ("plugin_failed", "3")
-    assert said in log.result["cause_evidence"]
-
-
 @pytest.mark.parametrize(
     ("name", "said"),
     [

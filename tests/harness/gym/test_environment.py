@@ -86,28 +86,11 @@ def test_the_checks_of_gymnasium_find_nothing(robot, options):
 
 
 def test_the_same_seed_gives_the_same_observations_and_another_one_others(make):
-    runs = []
-    for seed in (1, 1, 2):
-        env = make("cylinders", "drone", observation="sweeps")
-        first, _ = env.reset(seed=seed)
-        runs.append([first, *(env.step(AHEAD)[0] for _ in range(5))])
-        assert all(env.observation_space.contains(one) for one in runs[-1])
-    same, again, other = runs
-    for one, two in zip(same, again, strict=True):
-        assert one.keys() == two.keys()
-        assert all((one[name] == two[name]).all() for name in one)
-    assert (same[0]["scan"] != other[0]["scan"]).any()
-
-
-def test_a_drone_that_slides_on_the_floor_has_ended_its_episode(make):
-    env = make("empty", "drone", settings=("episode.time_limit=6",))
-    env.reset(seed=1)
-    rewards, (_, _, terminated, truncated, info) = to_the_end(
-        env, np.array([0.3, 0.0, -1.0, 0.0], np.float32)
-    )
-    assert (terminated, truncated, info["outcome"]) == (True, False, "collision")
-    assert "floor" in info["reason"]
-    assert len(rewards) < 30
+    env = make("cylinders", "drone", observation="sweeps")
+    same, again, other = (env.reset(seed=seed)[0] for seed in (1, 1, 2))
+    assert all(env.observation_space.contains(one) for one in (same, other))
+    assert all((same[name] == again[name]).all() for name in same)
+    assert (same["scan"] != other["scan"]).any()
 
 
 def test_a_log_is_that_of_a_stack_that_commands_the_same(make, tmp_path):
@@ -169,7 +152,8 @@ def test_a_collision_terminates_with_its_cause_and_costs(make):
 
 
 def test_the_goal_is_reached_by_an_agent_that_comes_to_rest(make):
-    env = make("empty", "drone", settings=(), action="waypoints", referee=True)
+    near = "start=[3.0,3.0]", "goal=[4.5,3.0]"
+    env = make("empty", "drone", settings=near, action="waypoints", referee=True)
     observation, _ = env.reset(seed=1)
     for _ in range(600):
         share = np.clip(observation["goal"] / 3.0, -1.0, 1.0)
@@ -192,7 +176,7 @@ def test_without_referee_the_body_moves_and_senses_bit_by_bit_as_with_it(make, r
     runs = []
     for referee in (False, True):
         env = make("cylinders", robot, settings=(), referee=referee, **options)
-        drawn = np.random.default_rng(1).uniform(-0.4, 0.8, (60, *env.action_space.shape))
+        drawn = np.random.default_rng(1).uniform(-0.4, 0.8, (25, *env.action_space.shape))
         steps = [env.reset(seed=3)]
         for action in drawn.astype(np.float32):
             steps.append(env.step(action))
