@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from tests.models.drawn_worlds import drawn
 from wayproof.models.checks import Finding, check, distance_to, holds
 from wayproof.models.robots import ROBOTS
 from wayproof.models.robots.robot import ROBOT_PREFIX
@@ -13,7 +14,6 @@ from wayproof.models.scene import compose
 from wayproof.models.sensors.beams import directions
 from wayproof.models.sensors.caster import ROBOT_GROUP
 from wayproof.models.sensors.devices import DEVICES, DepthCamera, Mount, SpinningLidar, evenly
-from wayproof.models.worlds import WORLDS
 
 LIDAR = SpinningLidar(
     elevations=evenly(-1.0, 1.0, 16), azimuths=64, range=5.0, rate=10.0,
@@ -54,7 +54,7 @@ def test_a_sound_model_has_no_findings():
 @pytest.mark.parametrize("name", sorted(ROBOTS))
 @pytest.mark.parametrize("device", ["ideal-lidar-wide", "livox-mid360", "intel-realsense-d435"])
 def test_our_robots_are_sound_with_any_device(name, device):
-    world, entry = WORLDS["warehouse"](0), ROBOTS[name]
+    world, entry = drawn("warehouse", 0), ROBOTS[name]
     scene = compose(world, entry)
     data = mujoco.MjData(scene.model)
     start = np.array([*world.start[:2], entry.spec.rest_height])

@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from tests.models.drawn_worlds import drawn
 from tests.models.watching import watch
 from wayproof.models.poses import Trail
 from wayproof.models.robots import ROBOTS, Setpoint
@@ -15,13 +16,12 @@ from wayproof.models.sensors.beams import NO_RETURN, directions, pose_indices
 from wayproof.models.sensors.caster import ROBOT_GROUP, SweepCaster
 from wayproof.models.sensors.devices import DEVICES, Mount, SensorConfig
 from wayproof.models.truth import Truth
-from wayproof.models.worlds import WORLDS
 
 
 @pytest.fixture(params=sorted(ROBOTS))
 def placed(request):
     """A scene of warehouse 0 with the robot at its start, and its data."""
-    world, robot = WORLDS["warehouse"](0), ROBOTS[request.param]
+    world, robot = drawn("warehouse", 0), ROBOTS[request.param]
     scene = compose(world, robot)
     data = mujoco.MjData(scene.model)
     start = np.array([*world.start[:2], robot.spec.rest_height])
@@ -148,7 +148,7 @@ def test_clearance_is_the_least_over_all_pairs(placed):
 def test_driving_into_a_wall_is_one_collision(placed):
     scene, data = placed
     truth = Truth(scene.model, scene.base, scene.floor)
-    world = WORLDS["warehouse"](0)
+    world = drawn("warehouse", 0)
     into_the_wall = np.array([-1.0, world.start[1], data.xpos[scene.base, 2]])
     start = data.xpos[scene.base].copy()
     for tick in range(2500):

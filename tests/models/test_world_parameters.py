@@ -6,6 +6,7 @@ from typing import get_type_hints
 import numpy as np
 import pytest
 
+from tests.models.drawn_worlds import drawn
 from wayproof.models.world_parameters import WorldParameters
 from wayproof.models.worlds import WORLDS, with_traffic
 
@@ -40,7 +41,7 @@ def test_every_number_has_bounds_that_are_checked(section):
 
 @pytest.mark.parametrize("world", sorted(WORLDS))
 def test_a_world_follows_from_its_seed_and_the_defaults_are_no_parameters(world):
-    once, again, other = made(world), WORLDS[world](3, 0.5), WORLDS[world](4, 0.5)
+    once, again, other = made(world), drawn(world, 3), drawn(world, 1)
     assert once == again
     assert once.mjcf() == again.mjcf()
     assert once != dataclasses.replace(other, seed=3)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.tools.soak.kinds import FLAT, KINDS
+from tests.tools.soak.kinds import FLAT, KINDS, MOUNTED
 from tests.tools.soak.processors import (
     Emulated,
     Emulation,
@@ -19,7 +19,6 @@ from tests.tools.soak.processors import (
 from tests.tools.soak.replays import arithmetic
 from wayproof.maps import MAPS
 from wayproof.models.robots import ROBOTS
-from wayproof.models.sensors.devices import DEVICES
 from wayproof.planners import PLANNERS
 
 ALL = {one.name: one for one in emulations(Path(os.devnull), compiled=False)}
@@ -43,7 +42,6 @@ HERE = [
 ]
 
 EPISODES = (
-    ("crossing", "drone", 4, "episode.time_limit=2", "planner.name=informed_rrtstar"),
     (
         *("office", "quadruped", 5, "episode.time_limit=1", "planner.name=rrtconnect"),
         *("planner.state_space=reeds_shepp", "planner.iterations=100", "planner.restarts=1"),
@@ -69,7 +67,7 @@ def test_logs_replay_to_the_same_bits(logs, emulation):
     result = Emulated()
     assert replay_all(emulation, logs, arithmetic(), result) == []
     assert (result.replays, result.identical) == (len(logs), len(logs))
-    assert result.decisions >= 20
+    assert result.decisions >= 8
 
 
 BENDS = """
@@ -124,6 +122,5 @@ def test_kinds_take_everything_in_turn_with_both_robots():
     mapped = [KINDS["map"](turn, rng) for turn in range(2 * len(MAPS))]
     everywhere = {*product(MAPS, ROBOTS)} - {*product(FLAT, {*ROBOTS} - {"quadruped"})}
     assert {(one.map.kind, one.robot) for one in mapped} == everywhere
-    sensed = [KINDS["device"](turn, rng) for turn in range(2 * len(DEVICES))]
-    mounted = {name for name in DEVICES if not DEVICES[name].by_mujoco}
-    assert {(one.sensors.lidar, one.robot) for one in sensed} == set(product(mounted, ROBOTS))
+    sensed = [KINDS["device"](turn, rng) for turn in range(2 * len(MOUNTED))]
+    assert {(one.sensors.lidar, one.robot) for one in sensed} == set(product(MOUNTED, ROBOTS))

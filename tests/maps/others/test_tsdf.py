@@ -137,8 +137,8 @@ def test_sweeps_are_those_of_a_naive_field():
     tsdf = make(minimum_range=0.0)
     held = {i: (0, 0) for i in range(len(cells))}
     doubt = np.zeros(len(cells), bool)
-    for seed in range(3):
-        directions, ranges_mm = scattered(np.random.default_rng(seed), 40, 300, 1600)
+    for seed in range(2):
+        directions, ranges_mm = scattered(np.random.default_rng(seed), 25, 300, 1600)
         origin = np.random.default_rng(seed).uniform(-0.2, 0.2, 3)
         look(tsdf, *ranges_mm, directions=directions, origin=origin, spared="none")
         best, unsure = naive_sweep(origin, directions, ranges_mm, cells)
@@ -150,7 +150,7 @@ def test_sweeps_are_those_of_a_naive_field():
             held[i] = math.floor(mean + Fraction(1, 2)), min(both, 120)
     points = (cells + 0.5) * 0.1 - [0.0, 0.0, 0.075]
     distances = np.array([held[i][0] / 2560 if held[i][1] else math.nan for i in held])
-    assert np.count_nonzero(~np.isnan(distances)) > 1300
+    assert np.count_nonzero(~np.isnan(distances)) > 500
     assert doubt.mean() < 0.01
     np.testing.assert_allclose(tsdf.distance_at(points)[~doubt], distances[~doubt], atol=1e-12)
 

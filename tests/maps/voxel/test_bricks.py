@@ -33,14 +33,6 @@ def test_memory_stays_below_its_bound_and_the_oldest_bricks_go_first():
     assert voxel_map.counts() == {"free": 5 * len(known), "occupied": len(known)}
 
 
-def test_what_is_seen_again_is_not_the_oldest():
-    voxel_map = make(memory_mib=1)
-    for k in range(120):
-        step_along(voxel_map, 1, start=k)
-        voxel_map.integrate((0.05, 0.05, 0.5), FORWARD, np.array([500], np.uint16), 1.0, k)
-    assert voxel_map.state_at([[0.15, 0.05, 0.5]]).tolist() == [FREE]
-
-
 def test_a_sweep_larger_than_the_memory_takes_what_fits():
     voxel_map = make(memory_mib=1)
     angles = np.linspace(0.0, 2.0 * np.pi, 720, endpoint=False)

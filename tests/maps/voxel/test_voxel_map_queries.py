@@ -3,8 +3,6 @@ import pytest
 
 from tests.maps.sweeps import scattered
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN, MapConfig, VoxelMap, states_in
-from wayproof.maps.kernels import bricks as kernels
-from wayproof.maps.slot_pool import EVERYWHERE
 
 EYE = (0.55, 1.05, 0.475)
 
@@ -82,41 +80,3 @@ def test_a_box_has_the_states_of_its_cells(voxel_map):
     assert states.shape == (4, 2, 2)
     assert states[:, 0, 0].tolist() == [FREE, FREE, OCCUPIED, UNKNOWN]
     assert not states[:, 1].any()
-
-
-@pytest.mark.parametrize("run", ["compiled", "python"])
-@pytest.mark.parametrize("low", [(-7, -16, -2), (3, 5, 11)])
-def test_columns_written_where_they_changed_are_those_written_whole(run, low, monkeypatch):
-    if run == "python":
-        for name in ("rewrite_columns", "write_block", "find", "column_states"):
-            monkeypatch.setattr(kernels, name, getattr(kernels, name).py_func)
-    rng = np.random.default_rng(9)
-    voxel_map = VoxelMap(MapConfig(half_life=1.0, memory_mib=4))
-    occupied, free = np.zeros((2, 37, 40, 1), np.uint64)
-    cells = np.stack(np.indices((37, 40, 64)), axis=-1).reshape(-1, 3) + np.array(low)
-    points = (cells + np.array([0.5, 0.5, -0.25])) * 0.1
-    stamp, wholes = 0, set()
-    for k in range(8):
-        directions, ranges_mm = scattered(rng, 60, 300, 3000)
-        if k < 5:
-            origin = (0.5 + k, 1.5, 0.9)
-            voxel_map.integrate(origin, directions, ranges_mm, 2.0, k * 10**9)
-        else:  # some bricks are forgotten, then all
-            voxel_map.advance(k * 3 * 10**9)
-        boxes, stamp = voxel_map.changed(stamp)
-        with np.errstate(over="ignore"):
-            voxel_map.rewrite_columns(low, boxes, occupied, free)
-        states = voxel_map.state_at(points).reshape(37, 40, 64)
-        for state, words in ((OCCUPIED, occupied), (FREE, free)):
-            bits = np.packbits(states == state, axis=2, bitorder="little").view(np.uint64)
-            np.testing.assert_array_equal(words, bits)
-        wholes.add(free.tobytes())
-    assert len(wholes) > 5
-    voxel_map.integrate((0.5, 1.5, 0.9), directions, ranges_mm, 2.0, 10**11)
-    occupied[:], free[:] = 1, 1
-    with np.errstate(over="ignore"):
-        voxel_map.rewrite_columns(low, EVERYWHERE, occupied, free)
-        whole = voxel_map.columns(low, (37, 40, 1))
-    np.testing.assert_array_equal([occupied, free], whole)
-    bits = np.packbits(voxel_map.state_at(points).reshape(37, 40, 64) == FREE, axis=2)
-    assert np.unpackbits(free.view(np.uint8)).sum() == np.unpackbits(bits).sum() > 0

@@ -62,19 +62,6 @@ def test_what_is_all_unknown_again_is_as_if_never_touched():
     assert even.version() != make(log_odds_hit=0.4, log_odds_miss=0.4).version()
 
 
-def test_a_tick_is_in_the_version_as_it_is_in_the_content():
-    voxel_map, other = make(half_life=30.0), make(half_life=30.0)
-    sweep(voxel_map, 1)
-    sweep(other, 1)
-    versions = []
-    for k in range(5):
-        voxel_map.advance(k * 10**9)
-        versions.append(voxel_map.version())
-    assert len(set(versions)) == 5
-    other.advance(4 * 10**9)
-    assert other.version() == versions[-1]
-
-
 def test_resolution_and_units_count():
     voxel_maps = [make(), make(resolution=0.2), make(log_odds_hit=0.85)]
     for voxel_map in voxel_maps:

@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from tests.models.drawn_worlds import drawn
 from tests.models.world_files.written import (
     MAP,
     PILLAR,
@@ -42,7 +43,7 @@ def cast(mjcf, count=400, seed=0, low=(-4.0, -4.0, 0.05), high=(6.0, 4.0, 2.0)):
 
 @pytest.mark.parametrize("name", WORLDS)
 def test_a_saved_world_gives_the_same_rays(tmp_path, name):
-    saved = WORLDS[name](3)
+    saved = drawn(name, 3)
     path = write(tmp_path, "hall.xml", saved.mjcf())
     world = import_world(path, None, saved.start, saved.goal)[0]
     low, high = np.add(saved.low, (0.5, 0.5, 0.6)), np.subtract(saved.high, (0.5, 0.5, 0.1))

@@ -7,6 +7,7 @@ import re
 import numpy as np
 import pytest
 
+from tests.models.drawn_worlds import drawn
 from tests.models.world_files.written import (
     ENDS,
     PILLAR,
@@ -21,7 +22,6 @@ from wayproof.models.world_files.options import Ends, Found
 from wayproof.models.world_files.parts import Part
 from wayproof.models.world_files.shape import shape_digest
 from wayproof.models.world_files.world_file import file_of, world_of, world_text
-from wayproof.models.world_parameters import WorldParameters
 from wayproof.models.worlds import WORLDS
 
 
@@ -130,7 +130,7 @@ def test_another_world_has_another_digest(pillar):
 
 @pytest.mark.parametrize("name", [name for name in WORLDS if name != "hall"])
 def test_a_generated_world_reads_back_from_its_file(name):
-    world = WORLDS[name](3, 0.5, WorldParameters())
+    world = drawn(name, 3)
     read = world_of(file_of(world))
     for field in ("low", "high", "start", "start_heading", "goal", "solid_names"):
         assert getattr(read, field) == getattr(world, field), field

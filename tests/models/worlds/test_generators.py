@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.models.drawn_worlds import drawn
 from wayproof.models.worlds import WORLDS, Box, Cylinder, is_solvable
 from wayproof.models.worlds.layout import slabs_around, with_groups
 from wayproof.models.worlds.solvability import (
@@ -22,7 +23,7 @@ DENSE = ("office", "forest", "construction", "maze", "cylinders")
 @pytest.mark.parametrize("name", DENSE)
 def test_the_reference_bodies_pass_and_the_way_is_of_an_episodes_length(name):
     for seed, difficulty in enumerate((0.5, 1.0)):
-        world = WORLDS[name](seed, difficulty)
+        world = drawn(name, seed, difficulty)
         radius, ends = passage_radius(difficulty), (world.start, world.goal)
         assert is_solvable(world, radius, GROUND_BAND, *ends)
         assert any(is_solvable(world, radius, band, *ends) for band in AIR_BANDS)
@@ -33,7 +34,7 @@ def test_the_reference_bodies_pass_and_the_way_is_of_an_episodes_length(name):
 
 @pytest.mark.parametrize("name", DENSE)
 def test_difficulty_adds_solids(name):
-    easy, hard = ([len(WORLDS[name](s, d).solids) for s in range(2)] for d in (0.0, 1.0))
+    easy, hard = ([len(drawn(name, s, d).solids) for s in range(2)] for d in (0.0, 1.0))
     assert np.mean(easy) < np.mean(hard)
 
 
@@ -64,7 +65,7 @@ def test_a_maze_without_loops_has_one_way():
 
 
 def test_offices_hide_boards_and_legs_from_a_grid_at_one_height():
-    world = WORLDS["office"](1, 1.0)
+    world = drawn("office", 1, 1.0)
     pieces = [solid for solid in world.solids if solid.kind == "furniture"]
     legs = [solid for solid in pieces if isinstance(solid, Cylinder)]
     boards = [solid for solid in pieces if solid.bottom > GROUND_BAND[1]]
@@ -76,7 +77,7 @@ def test_offices_hide_boards_and_legs_from_a_grid_at_one_height():
 def test_a_site_has_holes_with_barriers_up_to_the_middle_and_without_at_the_end():
     for difficulty, guarded in ((0.5, True), (1.0, False)):
         for seed in range(2):
-            world = WORLDS["construction"](seed, difficulty)
+            world = drawn("construction", seed, difficulty)
             posts = [s for s in world.solids if s.kind == "barrier" and isinstance(s, Cylinder)]
             assert bool(posts) == guarded
             assert len(world.floor) > 1

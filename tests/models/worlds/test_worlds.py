@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
+from tests.models.drawn_worlds import drawn
 from wayproof.models.worlds import WORLDS, is_solvable, shortest_path_length
 from wayproof.models.worlds.generator import generated
 from wayproof.models.worlds.solids import Box
@@ -67,7 +68,7 @@ def test_regions_are_numbered_as_scipy_does(shape, number):
 
 @pytest.mark.parametrize("name", ["warehouse", "corridor", "empty"])
 def test_mjcf_compiles_to_the_boxes(name):
-    world = WORLDS[name](3)
+    world = drawn(name, 3)
     model = mujoco.MjModel.from_xml_string(world.mjcf())
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
@@ -89,7 +90,7 @@ def test_mjcf_compiles_to_the_boxes(name):
 @pytest.mark.parametrize("name", WORLDS)
 def test_ends_have_room_and_lie_inside(name):
     for seed in range(2):
-        world = WORLDS[name](seed)
+        world = drawn(name, seed)
         for point in (world.start, world.goal):
             assert world.contains_obstacle((*point[:2], 0.3), 0.9) is None
             assert is_solvable(world, 0.9, (0.0, 2.5), point, point)
@@ -97,7 +98,7 @@ def test_ends_have_room_and_lie_inside(name):
 
 @pytest.mark.parametrize("name", WORLDS)
 def test_walls_close_every_world(name):
-    world = WORLDS[name](1)
+    world = drawn(name, 1)
     model = mujoco.MjModel.from_xml_string(world.mjcf())
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
@@ -115,7 +116,7 @@ def test_walls_close_every_world(name):
 
 @pytest.mark.parametrize("seed", WAREHOUSES)
 def test_the_warehouse_has_the_documented_size_and_ends(seed):
-    world = WORLDS["warehouse"](seed)
+    world = drawn("warehouse", seed)
     ends = (world.start, world.goal)
     assert is_solvable(world, REFERENCE_RADIUS, GROUND_BAND, *ends)
     assert any(is_solvable(world, REFERENCE_RADIUS, band, *ends) for band in AIR_BANDS)
@@ -133,7 +134,7 @@ def test_the_warehouse_has_the_documented_size_and_ends(seed):
 
 @pytest.mark.parametrize("seed", WAREHOUSES[::4])
 def test_the_doorway_is_the_only_way(seed):
-    world = WORLDS["warehouse"](seed)
+    world = drawn("warehouse", seed)
     lintel = next(box for box in world.solids if box.kind == "lintel")
     door = replace(
         lintel,
@@ -146,7 +147,7 @@ def test_the_doorway_is_the_only_way(seed):
 
 def test_corridor_is_as_wide_as_promised():
     for seed in range(5):
-        world = WORLDS["corridor"](seed)
+        world = drawn("corridor", seed)
         bare = replace(world, solids=tuple(box for box in world.solids if box.kind != "crate"))
         ends = (world.start, world.goal)
         assert is_solvable(bare, 0.97, GROUND_BAND, *ends)

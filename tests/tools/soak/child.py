@@ -47,22 +47,12 @@ class Ended:
 def in_child(
     work: Callable[[Callable[[str], None]], None], silence_s: float, kill: Kill | None = None
 ) -> Ended:
-    """Run a function in a forked child."""
-    return listen(*start_child(work), silence_s, kill)
-
-
-def start_child(work: Callable[[Callable[[str], None]], None]) -> tuple[int, int]:
-    """Fork a child that runs a function; return its process id and the descriptor of its lines."""
+    """Run a function in a forked child, which is killed after so much silence, s."""
     reading, writing = os.pipe()
     child = os.fork()
     if child == 0:
         _work(work, reading, writing)
     os.close(writing)
-    return child, reading
-
-
-def listen(child: int, reading: int, silence_s: float, kill: Kill | None = None) -> Ended:
-    """Read the lines of a child until it ends; arguments as for `in_child`."""
     text, overdue = _listen(reading, child, silence_s, kill)
     os.close(reading)
     _, status, usage = os.wait4(child, 0)

@@ -33,6 +33,9 @@ QUICK = ("aorrtc", "rrtconnect")
 FLAT = ("grid2d",)
 """Maps without heights, only for robots on the ground."""
 
+MOUNTED = [name for name in DEVICES if not DEVICES[name].by_mujoco]
+"""Devices that may be the lidar: no single-beam rangefinders."""
+
 FURTHER = (
     "costmap.max_slope=0.4", "costmap.window=30", "estimate.kind=lidar", "latency.mode=modelled",
     "map.half_life=0", "map.resolution=0.06", "map.resolution=0.15", "motion.limits=cautious",
@@ -64,10 +67,6 @@ def _bending(turn: int, rng: np.random.Generator) -> Config:
     return replace(config, perturbation=perturbation_from(MOVERS))
 
 
-def _planner(turn: int, rng: np.random.Generator) -> Config:
-    return _plain(turn, rng, f"planner.name={_in_turn(PLANNERS, turn)}")
-
-
 def _curve(turn: int, rng: np.random.Generator) -> Config:
     """Return a config with a curved state space, for the robot on the ground."""
     name, space = rng.choice(QUICK), ("dubins", "pose", "reeds_shepp")[turn % 3]
@@ -85,16 +84,6 @@ def _map(turn: int, rng: np.random.Generator) -> Config:
 def _of_map(kind: str) -> tuple[str, ...]:
     lasting = ("map.half_life=0",) if kind == "octomap" else ()  # it does not fade
     return f"map.kind={kind}", *lasting
-
-
-def _device(turn: int, rng: np.random.Generator) -> Config:
-    """Return a config with a device as the lidar, except single-beam rangefinders."""
-    mounted = [name for name in DEVICES if not DEVICES[name].by_mujoco]
-    return _plain(turn, rng, f"sensors.lidar={_in_turn(mounted, turn)}")
-
-
-def _perturbed(turn: int, rng: np.random.Generator) -> Config:
-    return _disturb(_plain(turn, rng), _in_turn(PERTURBATIONS, turn), rng)
 
 
 def _disturb(config: Config, kind: str, rng: np.random.Generator) -> Config:
@@ -140,11 +129,13 @@ def _random(turn: int, rng: np.random.Generator) -> Config:
 
 KINDS: dict[str, Draw] = {
     "bending": _bending,
-    "planner": _planner,
+    "planner": lambda turn, rng: _plain(turn, rng, f"planner.name={_in_turn(PLANNERS, turn)}"),
     "curve": _curve,
     "map": _map,
-    "device": _device,
-    "perturbation": _perturbed,
+    "device": lambda turn, rng: _plain(turn, rng, f"sensors.lidar={_in_turn(MOUNTED, turn)}"),
+    "perturbation": lambda turn, rng: _disturb(
+        _plain(turn, rng), _in_turn(PERTURBATIONS, turn), rng
+    ),
     "pose_model": _pose_model,
     "classes": _classes,
     "random": _random,

@@ -103,30 +103,6 @@ def _blas(core: str, refused: str) -> Emulation:
     )
 
 
-def replay_under(
-    emulation: Emulation, logs: Sequence[Path]
-) -> tuple[Arithmetic, list[Verdict], str]:
-    """Replay logs in one child process; return its arithmetic, verdicts, and its failure."""
-    paths = os.pathsep.join(filter(None, (str(ROOT / "src"), os.environ.get("PYTHONPATH", ""))))
-    environment = {**os.environ, "PYTHONPATH": paths, **emulation.environment}
-    done = subprocess.run(
-        [sys.executable, "-m", "tests.tools.soak.replays"],
-        input="".join(f"{log}\n" for log in logs),
-        env=environment,
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    lines = done.stdout.splitlines()
-    if not lines:
-        raise RuntimeError(f"{emulation.name}: exit code {done.returncode}: {done.stderr[-2000:]}")
-    reported = msgspec.json.decode(lines[0], type=Arithmetic)
-    verdicts = [msgspec.json.decode(line, type=Verdict) for line in lines[1:]]
-    ended = "" if done.returncode == 0 else f"exit code {done.returncode}: {done.stderr[-500:]}"
-    return reported, verdicts, ended
-
-
 def soak_processors(
     count: int,
     seed: int,
@@ -160,9 +136,23 @@ def soak_processors(
 def replay_all(
     emulation: Emulation, logs: Sequence[Path], own: Arithmetic, result: Emulated
 ) -> list[str]:
-    """Replay all logs under one emulation; return the failures."""
-    result.arithmetic, verdicts, ended = replay_under(emulation, logs)
-    failures = [f"{emulation.name}: {ended}"] if ended else []
+    """Replay all logs under one emulation, in one child process; return the failures."""
+    paths = os.pathsep.join(filter(None, (str(ROOT / "src"), os.environ.get("PYTHONPATH", ""))))
+    done = subprocess.run(
+        [sys.executable, "-m", "tests.tools.soak.replays"],
+        input="".join(f"{log}\n" for log in logs),
+        env={**os.environ, "PYTHONPATH": paths, **emulation.environment},
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    first, *lines = done.stdout.splitlines() or [""]
+    if done.returncode or not first:
+        return [f"{emulation.name}: exit code {done.returncode}: {done.stderr[-2000:]}"]
+    result.arithmetic = msgspec.json.decode(first, type=Arithmetic)
+    verdicts = [msgspec.json.decode(line, type=Verdict) for line in lines]
+    failures = []
     if not emulation.shows(result.arithmetic, own):
         failures.append(f"{emulation.name}: not in effect: {result.arithmetic}")
     if len(verdicts) != len(logs):
