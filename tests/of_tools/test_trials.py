@@ -8,11 +8,10 @@ import pytest
 
 from tests.tools.trials import quadrotor as flights
 from tests.tools.trials import quadruped as walks
-from tests.tools.trials.estimate import EstimateNoise
+from tests.tools.trials.estimate import EstimateNoise, Run
+from tests.tools.trials.quadrotor import dryden_gusts
 from tests.tools.trials.quadruped_sim import Conditions, TrialSim
 from tests.tools.trials.robots import CASES, Case, run_cases, run_once, summarise
-from tests.tools.trials.run import Run
-from tests.tools.trials.wind import dryden_gusts
 from wayproof.models.robots import FAST_ROBOTS, ROBOTS, quadrotor, quadruped
 from wayproof.models.robots.kernel_data import packed
 from wayproof.models.robots.quadrotor.parameters import Airframe

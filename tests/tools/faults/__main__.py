@@ -61,10 +61,10 @@ def main() -> int:
     parser.add_argument("--first", type=int, default=None, help="seed of the first one")
     parser.add_argument("--kind", action="append", help="of this kind only")
     parser.add_argument("--half", type=int, choices=(0, 1), help="even seeds or odd ones only")
-    parser.add_argument(
-        "--check", action="store_true", help="of worlds: check each, and count that"
-    )
+    parser.add_argument("--check", action="store_true", help="of worlds: count the checks")
     options = parser.parse_args()
+    if unknown := set(options.kind or ()) - PARTS[options.part].keys():
+        parser.error(f"--kind: got {min(unknown)}, expected {', '.join(PARTS[options.part])}")
     console = Console(width=150, markup=False, highlight=False)
     first = options.first
     if first is None:

@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 
 from tests.tools.faults.reckless import Reckless, Uninflated
-from tests.tools.faults.scene_edits import GLASS_RGBA, edit_scene
+from tests.tools.faults.scene_edits import GLASS_RGBA, edit_scene, transparent
 from wayproof.harness.attribution.ways import rest_to_rest
 from wayproof.harness.config_document import override
 from wayproof.harness.perturbations import perturbation_from
@@ -128,14 +128,12 @@ def _dropout(sound: Scenario, rng: Rng) -> Broken:
 def _glass(sound: Scenario, rng: Rng) -> Broken:
     """Make obstacles transparent to every beam."""
 
-    def vanish(spec: mujoco.MjSpec) -> None:
-        for geom in spec.geoms:
-            of_robot = geom.name.startswith(ROBOT_PREFIX) or geom.group == 3
-            floor = geom.type == mujoco.mjtGeom.mjGEOM_PLANE or geom.name.startswith("floor")
-            if not of_robot and not floor and not geom.name.startswith("wall"):
-                geom.rgba = GLASS_RGBA
+    def is_obstacle(geom: mujoco.MjsGeom) -> bool:
+        of_robot = geom.name.startswith(ROBOT_PREFIX) or geom.group == ROBOT_GROUP
+        floor = geom.type == mujoco.mjtGeom.mjGEOM_PLANE or geom.name.startswith("floor")
+        return not (of_robot or floor or geom.name.startswith("wall"))
 
-    return Broken(edit=vanish)
+    return Broken(edit=transparent(is_obstacle))
 
 
 def _pane(sound: Scenario, rng: Rng) -> Broken:

@@ -26,12 +26,11 @@ def edit_scene(scenario: Scenario, edit: Callable[[mujoco.MjSpec], None]) -> Sce
     return replace(scenario, scene=scene)
 
 
-def make_transparent(scenario: Scenario, is_glass: Callable[[str], bool]) -> Scenario:
-    """Return the scenario with named geoms invisible to every beam, as glass is to a lidar."""
+def transparent(is_glass: Callable[[mujoco.MjsGeom], bool]) -> Callable[[mujoco.MjSpec], None]:
+    """Return an edit that makes geoms invisible to every beam, as glass is to a lidar."""
 
     def clear(spec: mujoco.MjSpec) -> None:
-        for geom in spec.geoms:
-            if is_glass(geom.name):
-                geom.rgba = GLASS_RGBA
+        for geom in filter(is_glass, spec.geoms):
+            geom.rgba = GLASS_RGBA
 
-    return edit_scene(scenario, clear)
+    return clear

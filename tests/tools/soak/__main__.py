@@ -41,21 +41,10 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--from", dest="first", type=int, default=0, help="number of the first")
     parser.add_argument("--jobs", type=int, default=2, help="episodes at once")
-    parser.add_argument(
-        "--compiled",
-        action=argparse.BooleanOptionalAction,
-        default=True,
-        help="for processors: compile for one without extensions as well, which takes minutes",
-    )
     options = parser.parse_args()
-    more = {
-        "episodes": {"jobs": options.jobs},
-        "processors": {"jobs": options.jobs, "compiled": options.compiled},
-    }
+    more = {"jobs": options.jobs} if options.soak in ("episodes", "processors") else {}
     progress = partial(print, flush=True)
-    found = SOAKS[options.soak](
-        options.count, options.seed, progress, options.first, **more.get(options.soak, {})
-    )
+    found = SOAKS[options.soak](options.count, options.seed, progress, options.first, **more)
     print(msgspec.json.encode(vars(found)).decode())
     return 1 if found.failures else 0
 

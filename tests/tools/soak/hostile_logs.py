@@ -43,14 +43,9 @@ CHUNKS = 20
 END, CHUNK, MESSAGE, SCHEMA, CHANNEL, UNKNOWN = 15, 6, 5, 3, 4, 0x7F
 
 
-def source() -> Path:
-    """Return the small log that is forged."""
-    return COMMITTED
-
-
 def with_scene(edit: Callable[[str], str], target: Path) -> Path:
     """Write the small log with another scene and recomputed hashes."""
-    forgery = Forgery(source())
+    forgery = Forgery(COMMITTED)
     forgery.scene = edit(forgery.scene)
     return forgery.write(target)
 
@@ -113,7 +108,7 @@ def study_with_log(folder: Path, log: Path) -> Path:
     store = Store(folder / "study")
     contents = {PROGRAM: opened.run[CODE]}
     [planned] = plan_episodes(study, contents)
-    assert (unlike := mismatch(open_log(source()), planned)) == "", unlike  # or nothing reads it
+    assert (unlike := mismatch(open_log(COMMITTED), planned)) == "", unlike  # or nothing reads it
     with store.open():
         shutil.copyfile(log, store.log(planned.key))
         store.keep_study(study, contents)
@@ -147,7 +142,7 @@ def chunk(data: bytes) -> bytes:
 
 def with_chunks(chunks: list[bytes], target: Path) -> Path:
     """Return the short log with more chunks before its end of data."""
-    data = source().read_bytes()
+    data = COMMITTED.read_bytes()
     place = len(MAGIC)
     while data[place] != END:
         place += HEAD.size + HEAD.unpack_from(data, place)[1]

@@ -11,8 +11,8 @@ import numpy as np
 
 from tests.tools.soak.cases import watched
 from tests.tools.soak.child import scratch
+from tests.tools.soak.fuzz import mutate, mutate_values
 from tests.tools.soak.import_sources import SOURCES
-from tests.tools.soak.mutate import mutate, mutate_values
 from wayproof.harness.bench.table import Progress
 from wayproof.harness.errors import InputError
 from wayproof.models.world_files import ImportOptions, WorldFileError, import_world

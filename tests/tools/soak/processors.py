@@ -109,7 +109,6 @@ def soak_processors(
     progress: Progress,
     first: int = 0,
     jobs: int = 2,
-    compiled: bool = True,
 ) -> SimpleNamespace:
     """Record short episodes of every kind and replay each on every emulated processor."""
     found = SimpleNamespace(count=count, kinds={}, emulations={}, failures=[])
@@ -127,7 +126,7 @@ def soak_processors(
             progress(f"{emulation.name}: {result.identical} of {result.replays} {result.skipped}")
             return failures
 
-        chosen = emulations(folder, compiled)
+        chosen = emulations(folder)
         with ThreadPoolExecutor(jobs) as pool:
             found.failures = [*chain.from_iterable(pool.map(replayed, chosen))]
     return found

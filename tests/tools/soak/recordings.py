@@ -20,7 +20,7 @@ import numpy as np
 
 from tests.tools.soak.cases import watched
 from tests.tools.soak.child import scratch
-from tests.tools.soak.mutate import mutate
+from tests.tools.soak.fuzz import mutate
 from tests.tools.soak.recording_sources import SOURCES
 from wayproof.harness.bench.table import Progress
 from wayproof.harness.recordings.bags.container import RawMessage, container_of, messages_of
@@ -115,7 +115,9 @@ def soak_recordings(count: int, seed: int, progress: Progress, first: int = 0) -
     kinds = [f"{kind} of {name}" for kind in KINDS for name in SOURCES]
     with tempfile.TemporaryDirectory(dir=scratch()) as name:
         folder = Path(name)
-        sound = {key: make(_make_folder(folder / key)) for key, make in SOURCES.items()}
+        for key in SOURCES:
+            (folder / key).mkdir()
+        sound = {key: make(folder / key) for key, make in SOURCES.items()}
         for path in sound.values():
             read_whole(path)  # compiles everything; each is sound
 
@@ -189,11 +191,6 @@ def _write_raw(file: Path, raws: list[RawMessage]) -> None:
     if file.suffix == ".db3":
         with closing(sqlite3.connect(file)) as base:
             base.execute("VACUUM")
-
-
-def _make_folder(folder: Path) -> Path:
-    folder.mkdir()
-    return folder
 
 
 def read_whole(path: Path) -> None:

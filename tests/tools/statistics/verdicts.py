@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import ndtr
 
 from tests.harness.study.here import paired
 from wayproof.harness.bench.table import Progress
@@ -152,7 +153,7 @@ def compared(
 def _rows(generator: np.random.Generator, arm: Arm, stack: Stack, luck: Array) -> list[Row]:
     """Simulate an episode of each seed: failures and collisions by rank, lognormal times."""
     own, pace = generator.normal(size=(2, len(luck)))
-    rank = np.array([_normal(x) for x in ALIKE * luck + math.sqrt(1.0 - ALIKE**2) * own])
+    rank = ndtr(ALIKE * luck + math.sqrt(1.0 - ALIKE**2) * own)
     reached, collided = rank < stack.success, rank > 1.0 - stack.collisions
     times = np.minimum(stack.time * np.exp(0.3 * luck + 0.1 * pace), TIME_LIMIT)
     rows = []
@@ -176,8 +177,3 @@ def _rows(generator: np.random.Generator, arm: Arm, stack: Stack, luck: Array) -
             )
         )
     return rows
-
-
-def _normal(x: float) -> float:
-    """Return the standard normal distribution function."""
-    return 0.5 * (1.0 + math.erf(x / math.sqrt(2.0)))

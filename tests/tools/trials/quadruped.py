@@ -11,10 +11,8 @@ import mujoco
 import numpy as np
 from scipy.spatial import KDTree
 
-from tests.tools.trials.estimate import EstimateNoise
-from tests.tools.trials.quadruped_sim import TIMESTEP, Conditions, TrialSim
-from tests.tools.trials.run import Run
-from tests.tools.trials.terrain import COURSE_END, TERRAINS
+from tests.tools.trials.estimate import EstimateNoise, Run
+from tests.tools.trials.quadruped_sim import COURSE_END, TERRAINS, TIMESTEP, Conditions, TrialSim
 from wayproof.models.arrays import Array
 from wayproof.models.robots.quadruped.parameters import LEGS
 from wayproof.models.robots.quadruped.robot import Quadruped

@@ -20,9 +20,8 @@ from rich.console import Console
 
 from tests.tools.trials import quadrotor as flights
 from tests.tools.trials import quadruped as walks
-from tests.tools.trials.estimate import EstimateNoise
+from tests.tools.trials.estimate import EstimateNoise, Run
 from tests.tools.trials.quadruped_sim import Conditions
-from tests.tools.trials.run import Run
 from wayproof.harness.bench.table import Progress, Row, print_rows
 from wayproof.harness.worker_pool import WorkerPool
 from wayproof.models.robots.quadrotor import Quadrotor

@@ -1,1 +1,0 @@
-"""Accuracy of the attribution of causes, on failures with one known fault."""

@@ -1,1 +1,0 @@
-"""Simulations of the statistics: coverage of intervals, false alarms and power of gates."""

@@ -1,1 +1,0 @@
-"""Robots under trial: random commands, terrain, wind and estimates with errors."""
