@@ -2,9 +2,6 @@
 
 import dataclasses
 import json
-import os
-import sys
-import time
 
 import numpy as np
 
@@ -99,17 +96,6 @@ class RaisesInBoth(RaisesInStart, RaisesInClose):
     """Raises in `start`, and then in `close`."""
 
 
-class Dies(Breaks):
-    def broken(self):
-        print("segmentation fault, more or less", file=sys.stderr, flush=True)
-        os._exit(7)
-
-
-class Hangs(Breaks):
-    def broken(self):
-        time.sleep(1000.0)
-
-
 class Nan(Breaks):
     def broken(self):
         return Command(Velocity(float("nan")))
@@ -129,12 +115,6 @@ class Garbage(Breaks):
         return "go"
 
 
-class Floods(Base):
-    def step(self, observation):
-        print("x" * 100_000, file=sys.stderr)
-        return Command(Velocity(0.2))
-
-
 class Random(Base):
     """Uses a generator without a seed."""
 
@@ -145,11 +125,6 @@ class Random(Base):
 class ClaimsInMotion(Base):
     def step(self, observation):
         return Command(Velocity(0.5), "goal")
-
-
-class Creeps(Base):
-    def step(self, observation):
-        return Command(Velocity(0.003, duration_s=0.2))
 
 
 class Daring(BuiltinStack):

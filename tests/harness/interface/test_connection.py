@@ -1,4 +1,4 @@
-"""Connections to a stack in another process, and messages that wake it in time."""
+"""Connections to a stack in another process, and what is a message on them and what is none."""
 
 import io
 import shlex
@@ -8,15 +8,22 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from wayproof import Config, build, open_log, override, run_episode
 from wayproof.harness.errors import InputError
+from wayproof.harness.interface.command_messages import (
+    CommandError,
+    check_command,
+    command_message,
+    costmap_of,
+)
 from wayproof.harness.interface.connect import make_stack
 from wayproof.harness.interface.connection import ChildProcess
 from wayproof.harness.interface.incoming import NotHarness
 from wayproof.harness.interface.serve import ServedStack, _listening, answer_all
-from wayproof.harness.interface.types import Command, Velocity
+from wayproof.harness.interface.types import Command, Grid, Velocity, Waypoints
 from wayproof.harness.replay.replay import replay
 from wayproof.harness.schema import stack_pb2 as sb
 
@@ -105,49 +112,20 @@ def test_an_address_without_a_host_is_this_machine():
         _listening("tcp::99999")
 
 
-PEER = '''"""A stack that notes the length of each message that it gets."""
-import os
-import struct
-import sys
-
-from wayproof.harness.schema import stack_pb2 as sb
-
-read, write = os.fdopen(0, "rb"), os.fdopen(1, "wb")
+PEER = Path(__file__).with_name("peer.py")
 
 
-def answer(**kind):
-    data = sb.FromStack(**kind).SerializeToString()
-    write.write(struct.pack("<I", len(data)) + data)
-    write.flush()
-
-
-lengths = []
-while head := read.read(4):
-    message = sb.ToStack.FromString(read.read(*struct.unpack("<I", head)))
-    lengths.append(f"{message.WhichOneof('kind')}")
-    if message.HasField("hello"):
-        answer(hello=sb.Hello(version=1, name="peer", announced=sys.argv[1] == "yes"))
-    elif message.HasField("observation"):
-        motion = sb.Velocity(duration_s=0.5)
-        answer(command=sb.Command(sequence=message.observation.sequence, velocity=motion))
-    elif message.HasField("close"):
-        break
-open(sys.argv[2], "w").write(" ".join(lengths))
-'''
-
-
-@pytest.mark.parametrize("wish", ["yes", "no"])
+@pytest.mark.parametrize("wish", ["announced", "not"])
 def test_only_a_stack_that_wishes_it_gets_an_empty_message_before_each_observation(tmp_path, wish):
-    script, notes = tmp_path / "peer.py", tmp_path / "notes"
-    script.write_text(PEER)
-    stack = "exec:" + shlex.join([sys.executable, str(script), wish, str(notes)])
+    notes = tmp_path / "notes"
+    stack = "exec:" + shlex.join([sys.executable, str(PEER), wish, str(notes)])
     settings = [f"stack.name={stack}", "episode.time_limit=0.5"]
     config = override(Config("cylinders", "quadruped", 1), settings)
     run_episode(build(config), tmp_path / "a.mcap")
     kinds = notes.read_text().split()
     steps = kinds.count("observation")
     assert steps == sum(1 for _ in open_log(tmp_path / "a.mcap").records())
-    each = ["None", "observation"] if wish == "yes" else ["observation"]
+    each = ["None", "observation"] if wish == "announced" else ["observation"]
     assert kinds == ["hello", "task", *each * steps, "close"]
     assert replay(tmp_path / "a.mcap").identical
 
@@ -178,3 +156,45 @@ def test_an_announcement_without_an_observation_is_no_step(tmp_path, kept):
         answer_all(ServedStack(stack, "counts"), read.fileno(), written)
     assert stack.steps == 0
     assert sb.FromStack.FromString(written.getvalue()[4:]).hello.announced
+
+
+CELLS = np.array([[0, 50, 100], [-1, 99, 1]], np.int8)
+
+
+def test_a_costmap_comes_back_as_it_was():
+    message = command_message(Command(costmap=Grid(np.array([-1.0, 2.0]), 0.05, CELLS)), 3)
+    grid = costmap_of(sb.Command.FromString(message.SerializeToString()))
+    assert (grid.origin.tolist(), grid.resolution) == ([-1.0, 2.0], 0.05)
+    assert grid.cells.tolist() == CELLS.tolist()
+    assert costmap_of(command_message(Command(), 3)) is None
+
+
+def of_grid(origin=(0.0, 0.0), resolution=0.1, cells=CELLS):
+    return Command(costmap=Grid(np.array(origin), resolution, cells))
+
+
+@pytest.mark.parametrize(
+    ("command", "line"),
+    [
+        (of_grid((0.0, np.nan)), "costmap: expected an origin within 10000 m"),
+        (of_grid((np.inf, 0.0)), "costmap: expected an origin within 10000 m"),
+        (of_grid(np.zeros(3)), "costmap.origin: got 3 numbers"),
+        (of_grid(resolution=np.nan), "a resolution above 0 m"),
+        (of_grid(resolution=0.0), "a resolution above 0 m"),
+        (of_grid(cells=CELLS.astype(float)), r"shape \(2, 3\), float64, expected \(ny, nx\) int8"),
+        (of_grid(cells=CELLS[0]), r"shape \(3,\), int8, expected \(ny, nx\) int8"),
+        (Command(Velocity(np.array([0.3]))), r"velocity.forward: got an array of shape \(1,\)"),
+        (Command(Velocity("fast")), "velocity.forward: got str, expected a number"),
+        (Command(scalars={"a": None}), r"scalars\['a'\]: got NoneType, expected a number"),
+        (Command(Waypoints(np.zeros((1, 3)), [1.0])), "waypoints.speed: got list"),
+    ],
+)
+def test_what_is_no_command_is_named(command, line):
+    with pytest.raises(CommandError, match=line):
+        command_message(command, 0)
+
+
+def test_a_costmap_of_another_process_has_as_many_cells_as_it_says():
+    grid = sb.Grid(resolution=0.1, width=2, height=2, cells=b"123")
+    with pytest.raises(CommandError, match="got 3 cells for 2 x 2"):
+        check_command(sb.Command(costmap=grid))

@@ -1,7 +1,5 @@
 """Predictors from outside: a good one, and one for each way to be broken."""
 
-import os
-import sys
 import time
 
 import numpy as np
@@ -87,12 +85,6 @@ class Overwrites(Breaks):
     def broken(self, box):
         box.states[0] = 1
         return np.zeros(box.states.shape)
-
-
-class Dies(Breaks):
-    def broken(self, box):
-        print("segmentation fault, more or less", file=sys.stderr, flush=True)
-        os._exit(7)
 
 
 class Hangs(Breaks):

@@ -142,21 +142,22 @@ def raw(folder, kind):
 
 
 @pytest.mark.parametrize(
-    ("kind", "remote", "text"),
+    ("way", "kind", "text"),
     [
-        ("Nan", False, "predicted what is none: got nan at cell (1, 2, 3), expected"),
-        ("Shape", False, "got log-odds of shape (3, 3), expected ("),
-        ("Text", False, "got str, expected an array of log-odds"),
-        ("Raises", True, "failed: KeyError: 'weights'"),
-        ("Overwrites", False, "destination is read-only"),
-        ("Dies", True, "ended (exit code 7); its last line on stderr: segmentation"),
-        ("Hangs", True, "had not answered after 3 s (plugins.wall_s)"),
-        ("Hangs", False, "had not returned after 3 s (plugins.wall_s)"),
+        ("class", "Nan", "predicted what is none: got nan at cell (1, 2, 3), expected"),
+        ("class", "Shape", "got log-odds of shape (3, 3), expected ("),
+        ("class", "Text", "got str, expected an array of log-odds"),
+        ("class", "Overwrites", "destination is read-only"),
+        ("class", "Hangs", "had not returned after 2 s (plugins.wall_s)"),
+        ("served", "Raises", "failed: KeyError: 'weights'"),
+        ("raw", "dies", "ended (exit code 7); its last line on stderr: segmentation"),
+        ("raw", "hangs", "had not answered after 2 s (plugins.wall_s)"),
     ],
 )
-def test_a_broken_predictor_ends_the_episode_in_one_line(tmp_path, kind, remote, text):
-    source = f"{SERVE} {own(tmp_path, kind)}" if remote else own(tmp_path, kind)
-    wall = "plugins.wall_s=3" if kind == "Hangs" else "plugins.wall_s=120"
+def test_a_broken_predictor_ends_the_episode_in_one_line(tmp_path, way, kind, text):
+    source = raw(tmp_path, kind) if way == "raw" else own(tmp_path, kind)
+    source = f"{SERVE} {source}" if way == "served" else source
+    wall = "plugins.wall_s=2" if kind.lower() == "hangs" else "plugins.wall_s=120"
     result = run(tmp_path, source, wall, world="empty")
     assert (result.outcome, result.cause) == ("error", "plugin_failed")
     assert text in result.reason
@@ -204,7 +205,7 @@ def test_what_is_no_predictor_is_refused_in_one_line(tmp_path, capfd, monkeypatc
     network(Path("two.onnx"), ["nx", "ny"], ("states", "more"))
     network(Path("three.onnx"), ["nx", "ny"], channels=3)
     if source == "exec:cat":
-        source = f"exec:{sys.executable} -m wayproof serve gap"
+        source = f"exec:{sys.executable} {HERE.parent / 'interface' / 'peer.py'} stands"
     source = source.format(mine="mine.py")
     command = ["run", "empty", "--robot", "drone", "--seed", "1", "--log", "log.mcap"]
     assert main([*command, "--set", f"prediction.source={source}"]) == 2

@@ -17,7 +17,6 @@ from wayproof.harness.interface.ros2.transforms import (
     goal_pose,
     moving_transforms,
     odometry,
-    static_transforms,
 )
 from wayproof.harness.scenario.scenario import sensor_info
 from wayproof.models.poses import rotation_matrices
@@ -84,21 +83,6 @@ def test_no_return_is_infinite_and_a_dropped_beam_is_not_a_number(quadruped, mil
     assert messages["points"].width == 0
 
 
-def test_a_cloud_has_the_returns_where_the_map_has_them(quadruped):
-    cloud = quadruped.messages("lidar", 2000)["points"]
-    points = cloud.data.view("<f4").reshape(-1, 3)
-    assert (cloud.width, cloud.height, cloud.point_step) == (20_000, 1, 12)
-    assert [(one.name, one.offset, one.datatype) for one in cloud.fields] == [
-        ("x", 0, 7),
-        ("y", 4, 7),
-        ("z", 8, 7),
-    ]
-    observation = quadruped.observation(2000)
-    T = quadruped.task.sensors["lidar"].T_base_sensor
-    world = (points @ T[:3, :3].T + T[:3, 3]) @ observation.rotation.T + observation.position
-    assert np.allclose(world, observation.sweeps[0].points, atol=1e-5)
-
-
 def test_a_depth_image_is_along_the_axis_and_its_pinhole_fits(drone):
     messages = drone.messages("depth", 2000)
     image, info = messages["depth/image"], messages["depth/camera_info"]
@@ -129,18 +113,6 @@ def test_two_lidars_have_topics_of_their_own(quadruped):
 def test_a_lidar_without_rows_that_never_repeats_a_sweep_has_points_alone():
     solid = Robot("quadruped", "sensors.lidar=livox-mid360")
     assert list(solid.publications["lidar"].topics()) == ["points"]
-
-
-def test_the_mountings_are_a_tree_below_the_map(drone):
-    transforms = static_transforms(drone.task, Options(base_frame="body"), STAMP).transforms
-    pairs = [(one.header.frame_id, one.child_frame_id) for one in transforms]
-    assert pairs[0] == ("map", "odom")
-    assert set(pairs[1:]) == {
-        ("body", "lidar"),
-        ("body", "depth"),
-        ("depth", "depth_optical"),
-        ("body", "altimeter"),
-    }
 
 
 def test_odometry_is_the_estimate_and_its_velocity_the_bodys(quadruped):
