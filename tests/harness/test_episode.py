@@ -1,25 +1,38 @@
+"""Episodes from start to end: goals, replays, large areas, other maps, another sensor."""
+
 import gc
 import itertools
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 import pytest
 
+from wayproof.harness import config_document as settings
+from wayproof.harness.attribution import find_cause, read_case
 from wayproof.harness.config import Config
 from wayproof.harness.config_document import override
+from wayproof.harness.errors import InputError
 from wayproof.harness.log.codec.container import walk
 from wayproof.harness.log.codec.messages import read_messages
 from wayproof.harness.log.copy import write_copy
 from wayproof.harness.log.head import read_head
 from wayproof.harness.log.reader import open_log
+from wayproof.harness.recompute import keyframes as pieces
+from wayproof.harness.replay.closed_loop import simulate_again
 from wayproof.harness.replay.replay import replay
 from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import build
 from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.stack import keyframe
 from wayproof.harness.stack.pipeline import Navigator
 from wayproof.maps import FREE
 from wayproof.models.robots import ROBOTS
+from wayproof.models.sensors.beams import BeamTable
+from wayproof.models.sensors.devices import DEVICES, OWN, Device, RangeNoise
+from wayproof.models.worlds import WORLDS, Box, World
+from wayproof.models.worlds.layout import room_walls
 
 DRIVING = ("follow", "slow", "explore")
 
@@ -129,3 +142,221 @@ def test_an_episode_frees_all_that_it_took_as_it_ends(robot, tmp_path):
         assert gc.collect() == 0
     finally:
         gc.enable()
+
+
+LARGE = ("world.empty.length=60", "world.empty.width=40", "costmap.window=24")
+ENDS = ("start=[20.0,10.0]", "goal=[34.5,12.0]")  # 14.6 m on, beyond the first window
+BRIEF = ("episode.time_limit=5", "keyframe_period=1")
+
+
+@pytest.fixture(scope="module")
+def large(once):
+    """Record a brief episode of a robot, with a map in each keyframe that is due one."""
+
+    def record(robot, *others):
+        config = override(Config("empty", robot, 0), [*LARGE, *ENDS, *BRIEF, *others])
+
+        def run(path):
+            with pytest.MonkeyPatch.context() as patch:
+                patch.setattr(keyframe, "MAP_SHARE", 1.0)
+                return run_episode(build(config), path)
+
+        return Path(once(("large", robot, others), run).log)
+
+    return record
+
+
+@pytest.mark.few(1)
+@pytest.mark.parametrize("robot", ["quadruped", "drone"])
+def test_an_episode_simulates_again_and_replays_in_pieces(large, robot, monkeypatch):
+    path = large(robot)
+    log = open_log(path)
+    windows = {tuple(one.map.window) for one in log.keyframes() if one.HasField("map")}
+    assert len(windows) > 1  # it has moved, and lies in the log
+    monkeypatch.setattr(pieces, "LEAST_DECISIONS", 4)
+    assert replay(path, jobs=3).identical
+    assert not simulate_again(path).differences
+
+
+def test_a_failure_is_explained_by_the_whole_area(large):
+    log = open_log(large("quadruped", "goal=[56.0,30.0]", "episode.time_limit=3"))
+    assert log.result["outcome"] == "timeout"
+    case = read_case(log)
+    finding = find_cause(case)
+    assert finding.cause == "impossible"
+    assert "the shortest way takes" in finding.evidence  # to a goal far beyond the window
+    vast = replace(case.mission, high=(9000.0, 9000.0, 3.0))
+    segments = tuple(replace(one, mission=vast) for one in case.segments)
+    finding = find_cause(replace(case, segments=segments))
+    assert finding.cause == "unexplained"
+    assert "too large to search" in finding.evidence
+
+
+@pytest.mark.parametrize(("kind", "robot"), [("grid2d", "quadruped"), ("tsdf", "drone")])
+def test_an_episode_drives_safely_and_replays(recorded, kind, robot):
+    result = recorded("corridor", robot, 1, f"map.kind={kind}", "episode.time_limit=2.5")
+    assert (result.outcome, result.collisions) == ("timeout", 0), result.reason
+    assert result.path_length_m > 0.7
+    assert result.min_clearance_m > 0.1
+    assert replay(Path(result.log)).identical
+    decisions = list(open_log(Path(result.log)).decisions())
+    assert {decision.representation for decision in decisions} == {kind}
+    assert len({decision.map_version for decision in decisions}) > 20
+
+
+@pytest.mark.large
+@pytest.mark.parametrize("kind", ["tsdf", "octomap"])
+def test_a_drone_reaches_its_goal(recorded, kind):
+    chosen = f"map.kind={kind}", "map.resolution=0.2", "map.half_life=0", "goal=[6.0, 4.0]"
+    result = recorded("empty", "drone", 1, *chosen)
+    assert (result.outcome, result.collisions) == ("success", 0), result.reason
+    assert replay(Path(result.log)).identical
+
+
+def test_decay_is_refused_where_there_is_none(tmp_path):
+    scenario = build(override(Config("empty", "drone", 1), ["map.kind=octomap"]))
+    with pytest.raises(InputError, match=r"half_life: got 30, expected 0 with map.kind 'octomap'"):
+        run_episode(scenario, tmp_path / "refused.mcap")
+
+
+def test_a_flat_grid_refuses_a_drone_in_one_line(tmp_path):
+    scenario = build(override(Config("empty", "drone", 1), ["map.kind=grid2d"]))
+    with pytest.raises(InputError, match=r"no map for this mission: map.kind: got 'grid2d' for a"):
+        run_episode(scenario, tmp_path / "refused.mcap")
+
+
+LOW, HIGH = (0.0, 0.0, -0.5), (7.0, 5.0, 3.0)
+WALL = Box.between((4.0, 0.0, 0.0), (4.2, 5.0, 3.0), "partition")
+PILLAR = Box.between((4.8, 1.2, 0.0), (5.2, 1.6, 3.0), "crate")
+SHORT = ("episode.time_limit=40", "behaviour.wait_timeout=0.5", "behaviour.max_recoveries=3")
+
+
+def small_world(*boxes):
+    return World(
+        name="small",
+        seed=0,
+        low=LOW,
+        high=HIGH,
+        solids=(*room_walls(LOW, HIGH), *boxes),
+        start=(1.5, 2.5, 0.0),
+        start_heading=0.0,
+        goal=(5.5, 2.5, 0.0),
+    )
+
+
+@pytest.fixture
+def episode(monkeypatch, tmp_path):
+    """Run in a room of 7 x 5 m with some boxes: the result and the decisions."""
+
+    def run(boxes, robot, *settings):
+        monkeypatch.setitem(WORLDS, "small", lambda *_: small_world(*boxes))
+        config = override(Config("small", robot, 0), (*SHORT, *settings))
+        result = run_episode(build(config), tmp_path / "episode.mcap")
+        log = open_log(tmp_path / "episode.mcap")
+        assert replay(tmp_path / "episode.mcap").identical
+        return result, [record.decision for record in log.records()]
+
+    return run
+
+
+EXACT = ("pose_model.bias_sigma=0", "pose_model.yaw_bias_sigma=0")
+
+
+# With an exact pose, beams miss some cells under the ceiling for good: there might be a way for a
+# drone.
+@pytest.mark.few(1)
+@pytest.mark.parametrize(
+    ("robot", "settings", "label"),
+    [
+        ("drone", EXACT, "unknown_ahead"),
+        ("quadruped", (), "no_path"),
+    ],
+)
+def test_a_sealed_room_ends_in_an_abort_that_says_why(episode, robot, settings, label):
+    result, decisions = episode([WALL], robot, *settings)
+    assert result.outcome == "aborted", result.reason
+    assert decisions[-1].label == label
+    assert result.sim_time_s < 40.0
+    assert result.collisions == 0
+    back = [d for d in decisions if d.action == "recover" and d.predicate.kind == "going_back"]
+    assert robot == "drone" or 0 < len({d.predicate.since for d in back}) <= 2
+
+
+def test_a_goal_inside_the_inflation_is_approached_and_then_given_up(episode):
+    # 0.45 m from the pillar: the body of 0.36 m would fit, but not with its margin.
+    result, decisions = episode([PILLAR], "drone", "goal=[5.0,2.0]", "episode.goal_tolerance=0.05")
+    assert result.outcome == "aborted", result.reason
+    assert decisions[-1].label == "goal_blocked"
+    assert result.goal_distance_m < 0.5
+    waited = [d for d in decisions if d.label == "goal_blocked"]
+    assert len(waited) * 0.1 == pytest.approx(5.0, abs=0.3)
+
+
+@pytest.fixture
+def registered(monkeypatch):
+    """The line in `DEVICES`, from which the setting's names are taken as config is imported."""
+    monkeypatch.setitem(DEVICES, "sonar-ring", SONAR_RING)
+    monkeypatch.setitem(settings.NAMED, "sensors.lidar", (OWN, *DEVICES))
+
+
+def test_a_new_kind_drives_an_episode_that_replays(registered, tmp_path):
+    chosen = ["sensors.lidar=sonar-ring", "episode.time_limit=1"]
+    scenario = build(override(Config("corridor", "quadruped", 1), chosen))
+    log = tmp_path / "sonars.mcap"
+    result = run_episode(scenario, log)
+    messages = list(read_messages(log))
+    (info,) = (message for message in messages if isinstance(message, pb.SensorInfo))
+    assert (info.name, info.kind, info.device) == ("lidar", "sonar_ring", "sonar-ring")
+    sweeps = [message for message in messages if isinstance(message, pb.Sweep)]
+    assert {(sweep.rows, sweep.columns) for sweep in sweeps} == {(1, 80)}
+    assert len(sweeps) == result.decisions
+    assert replay(log).identical
+    assert simulate_again(log).identical
+
+
+def test_every_kind_names_itself():
+    kinds = {type(device) for device in (*DEVICES.values(), SONAR_RING)}
+    assert {kind.kind for kind in kinds} == {"depth_camera", "lidar", "rangefinder", "sonar_ring"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class SonarRing(Device):
+    """Sonars in a ring, each with a fan of beams over its cone, fired one after another.
+
+    Attributes:
+        sonars: Number of sonars around the z axis.
+        cone: Full opening angle of each, rad.
+        rays: Number of beams over each cone.
+    """
+
+    kind: ClassVar[str] = "sonar_ring"
+
+    sonars: int
+    cone: float
+    rays: int
+
+    def beam_table(self) -> BeamTable:
+        """Return one row, with the beams of every sonar side by side."""
+        centres = np.arange(self.sonars) * (2.0 * np.pi / self.sonars)
+        fan = np.linspace(-0.5 * self.cone, 0.5 * self.cone, self.rays)
+        azimuth = (centres[:, None] + fan).ravel()
+        return BeamTable(
+            rows=np.array([[1.0, 0.0]]),
+            columns=np.stack([np.cos(azimuth), np.sin(azimuth)], axis=1),
+            beams=len(azimuth),
+            scan_poses=self.sonars,
+            measures=self.measures,
+        )
+
+
+SONAR_RING = SonarRing(
+    sonars=16,
+    cone=0.26,
+    rays=5,
+    range=5.0,
+    minimum_range=0.15,
+    rate=10.0,
+    noise=RangeNoise(sigma_proportional=0.01),
+    no_return_is_free=True,
+    source="assumed: sixteen sonars as robots of the nineties carried them",
+)

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.harness.interface.stacks.hand_made import task
 from wayproof.harness.config import Config, EpisodeConfig
 from wayproof.harness.config_document import from_json, override, to_json
 from wayproof.harness.ending import Limits
@@ -34,12 +35,9 @@ CLOSE = ("waypoints=[[3.0,3.0],[4.2,3.0],[4.3,3.0]]", "goal=[4.35,3.1]", "start=
 
 
 def mission(*goals, motion="ground"):
-    return Mission(
-        motion=motion, radius=0.3, height=0.5, step_height=0.03, max_speed=1.0,
-        max_acceleration=1.0, max_jerk=10.0, max_yaw_rate=1.0, low=(0.0, 0.0, 0.0),
-        high=(20.0, 20.0, 3.0), start=(1.0, 1.0, 0.3), start_heading=0.0,
-        goal=goals[-1], waypoints=goals[:-1],
-    )  # fmt: skip
+    area = {"low": (0.0, 0.0, 0.0), "high": (20.0, 20.0, 3.0), "start": (1.0, 1.0, 0.3)}
+    route = {"goal": goals[-1], "waypoints": goals[:-1]}
+    return replace(task().mission, **area, **route, motion=motion, discs=())
 
 
 ANGLE = mission((4.0, 1.0, 0.3), (4.0, 5.0, 0.3), (1.0, 1.0, 0.3))

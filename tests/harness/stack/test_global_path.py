@@ -52,30 +52,6 @@ def test_a_valid_path_is_kept_until_the_replan_period_has_passed():
     assert planned.state.route.improved_ns == period * PERIOD_NS
 
 
-WINDING = np.array(
-    [place(x, 2.05 + 0.1 * (n % 2)) for n, x in enumerate(np.arange(1.05, 6.6, 0.5))]
-)
-"""About as long as the straight line, and with a turn by 23 degrees every half metre."""
-
-
-def test_of_two_paths_that_cost_about_the_same_the_faster_one_is_taken():
-    input = make_input(sequence=100)
-    assert arc_length(WINDING) < 1.03 * arc_length(STRAIGHT)
-    planned = replanned(input, at_rest(global_path=WINDING))
-    assert np.ptp(planned.state.global_path[:, 1]) < 1e-9
-    back = replanned(input, at_rest(global_path=STRAIGHT))
-    np.testing.assert_array_equal(back.state.global_path, STRAIGHT)
-
-
-def test_a_blocked_path_is_replanned_at_once_around_the_obstacle():
-    input = make_input(make_states(occupied=[WALL]), sequence=1)
-    state = at_rest(global_path=STRAIGHT, improved_ns=PERIOD_NS)
-    planned = replanned(input, state)
-    path = planned.state.global_path
-    assert input.optimistic.free_length(path) == pytest.approx(arc_length(path))
-    assert path[:, 1].max() > 3.2
-
-
 def test_a_path_to_another_place_than_the_goal_is_replanned():
     near = np.array([place(*START), place(GOAL[0] - 2 * CELL, GOAL[1])])
     far = np.array([place(*START), place(GOAL[0] - 4 * CELL, GOAL[1])])

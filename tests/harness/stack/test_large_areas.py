@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.harness.interface.stacks.hand_made import task
 from tests.harness.stack.make_input import (
     GOAL,
     START,
@@ -15,7 +16,6 @@ from tests.harness.stack.make_input import (
 )
 from wayproof.harness.config import Config
 from wayproof.harness.config_document import override
-from wayproof.harness.mission import Mission
 from wayproof.harness.scenario.scenario import build
 from wayproof.harness.stack.horizon import RENEW, FarWays, exit_of, goal_within
 from wayproof.harness.stack.mapping import Mapper
@@ -64,14 +64,6 @@ def test_without_a_way_it_lies_straight_towards_the_goal():
     assert START[0] < found[0] < HIGH[0]
 
 
-def test_it_is_projected_to_free_space():
-    states = make_states(occupied=[(7.3, 7.7, 1.8, 2.3)])
-    input = make_input(states, goal=FAR, horizon=Horizon(LOW, HIGH, straight))
-    found = within(input, at_rest())
-    assert input.optimistic.is_free(found)
-    assert abs(found[0] - HIGH[0]) < 1.0
-
-
 def test_an_intermediate_goal_is_kept_while_its_path_is_valid_and_long():
     path = np.array([place(*START), np.add(place(*START), (RENEW + 0.1, 0.0, 0.0))])
     input = make_input(goal=FAR, horizon=Horizon(LOW, HIGH, refused))
@@ -84,19 +76,11 @@ def test_an_intermediate_goal_is_kept_while_its_path_is_valid_and_long():
 
 
 EDGE = 32.0
-MISSION = Mission(
-    motion="ground",
-    radius=0.4,
-    height=0.5,
-    step_height=0.03,
-    max_speed=1.0,
-    max_acceleration=2.0,
-    max_jerk=10.0,
-    max_yaw_rate=1.0,
+MISSION = replace(
+    task().mission,
     low=(0.0, 0.0, -0.5),
     high=(100.0, 20.0, 3.0),
     start=(5.0, 10.0, 0.3),
-    start_heading=0.0,
     goal=(95.0, 10.0, 0.3),
 )
 

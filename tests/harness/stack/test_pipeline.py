@@ -1,43 +1,36 @@
 """The pipeline on a real map, its records, and the limits of motion that it plans with."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.harness.interface.stacks.hand_made import task
 from wayproof.harness.config import Config
 from wayproof.harness.config_document import from_json, override, to_json
 from wayproof.harness.decision import add_points, chain_hash, path_of, widened_in_words, widening_of
 from wayproof.harness.errors import InputError
 from wayproof.harness.inputs import Inputs, Pose
-from wayproof.harness.mission import Mission
 from wayproof.harness.scenario.scenario import build
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.build import build_navigator
 from wayproof.harness.stack.planner_input import motion_limits
 from wayproof.models.robots import LIMITS_IN_STATIC_WORLDS, ROBOTS, ROBOTS_BY_LIMITS
 
-DRONE = Mission(
-    motion="air",
-    radius=0.3,
-    height=0.2,
-    step_height=0.0,
-    max_speed=2.0,
-    max_acceleration=2.5,
-    max_jerk=15.0,
-    max_yaw_rate=2.0,
+DRONE = replace(
+    task("drone").mission,
     low=(0.0, 0.0, 0.0),
     high=(6.0, 4.0, 3.0),
     start=(1.05, 2.05, 1.05),
-    start_heading=0.0,
     goal=(5.05, 2.05, 1.05),
 )
 
 
-def navigator(*settings, mission=DRONE, robot="drone"):
-    return build_navigator(override(Config("empty", robot, 1), settings), mission, {})
+def navigator(*settings):
+    return build_navigator(override(Config("empty", "drone", 1), settings), DRONE, {})
 
 
 def inputs(sequence=0, position=DRONE.start, sigma=0.0):

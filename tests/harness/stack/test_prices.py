@@ -22,12 +22,9 @@ from wayproof.harness.config import Config
 from wayproof.harness.input_messages import beams_from_info
 from wayproof.harness.scenario.scenario import build, sensor_info
 from wayproof.harness.stack.decide import decide
-from wayproof.harness.stack.footprint import body_of, costs
 from wayproof.harness.stack.gait import is_omnidirectional
 from wayproof.harness.stack.gaits import Flight
 from wayproof.harness.stack.global_path import keep_or_replan
-from wayproof.harness.stack.mapping import Mapper
-from wayproof.harness.stack.planner_input import FreeSpaceBuilder
 from wayproof.harness.stack.prices import (
     DETOUR,
     GIVEN_UP_NS,
@@ -100,20 +97,6 @@ def test_enough_is_admitted_for_a_stop_from_full_speed_and_a_quarter():
         assert enough_admitted(input, near) == enough
     short = np.array([place(*START), place(START[0] + 0.2, START[1])])
     assert enough_admitted(input, short)
-
-
-@pytest.mark.parametrize(
-    ("robot", "around", "share"),
-    [("drone", True, 0.5), ("drone", False, 1.0), ("quadruped", True, 1.0)],
-)
-def test_nearness_costs_a_robot_that_flies_half_and_the_unknown_as_much(robot, around, share):
-    scenario = build(Config("empty", robot, 0))
-    costmap = Mapper(scenario.config, scenario.mission, {}).costmap
-    builder = FreeSpaceBuilder(scenario.config, scenario.mission, costmap, omnidirectional=around)
-    spaces = builder.spaces(circumscribed=True)
-    whole = costs(costmap, body_of(scenario.mission))
-    np.testing.assert_array_equal(spaces.known_free.cost_by_distance, share * whole)
-    assert spaces.optimistic.cost_by_price[UNKNOWN] == UNKNOWN_COST
 
 
 def test_a_lidar_sees_all_around_and_a_camera_or_an_altimeter_does_not():
