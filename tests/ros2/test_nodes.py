@@ -12,12 +12,14 @@ from wayproof.harness.replay.replay import replay
 from wayproof.harness.trace import read_trace
 
 
-def test_both_examples_cross_an_office_and_at_either_pace_the_chain_is_the_same(trial):
+def test_both_examples_drive_in_an_office_and_at_either_pace_the_chain_is_the_same(trial):
+    brief = "episode.time_limit=4"
     with started(EXAMPLES / "gap_follower.py"):
-        lockstep = trial("pace=lockstep", world="office", name="lockstep")
+        lockstep = trial("pace=lockstep", brief, world="office", name="lockstep")
     with started(EXAMPLES / "timer_controller.py"):
-        timed = trial("pace=auto", world="office", name="timed")
-    assert lockstep.outcome == "success"
+        timed = trial("pace=auto", brief, world="office", name="timed")
+    assert (lockstep.outcome, lockstep.collisions) == ("timeout", 0)
+    assert lockstep.path_length_m > 1.5
     assert lockstep.chain == timed.chain
     again = replay(Path(timed.log))
     assert again.identical, (again.differences, again.contradictions)
@@ -28,14 +30,15 @@ def test_both_examples_cross_an_office_and_at_either_pace_the_chain_is_the_same(
     [
         ("answers", ()),
         ("sensor_data", ()),
-        ("cloud", ("sensors.lidar=ideal-lidar-dense",)),  # 1.2 MB to a reader of best effort
+        # 1.2 MB to a reader of best effort
+        ("cloud", ("sensors.lidar=ideal-lidar-dense", "episode.time_limit=0.2")),
     ],
 )
 def test_a_node_drives_by_any_quality_of_service(trial, kind, settings):
     with started(HERE / "node.py", kind):
         result = trial("pace=lockstep", "episode.time_limit=1", *settings)
-    assert (result.outcome, result.decisions) == ("timeout", 11)
-    assert result.path_length_m > 0.15
+    assert (result.outcome, result.decisions) == ("timeout", 3 if kind == "cloud" else 11)
+    assert kind == "cloud" or result.path_length_m > 0.15
 
 
 @pytest.mark.parametrize(
@@ -72,14 +75,14 @@ def test_commands_that_cannot_be_heard_are_refused_before_the_episode(trial, kin
 
 
 def test_a_node_that_ignores_stamps_is_stale_and_one_that_heeds_them_is_not(trial):
-    stopped = 'perturbation={"kind": "sensor_stop", "severity": 3, "window": [3.0, 5.0]}'
+    stopped = 'perturbation={"kind": "sensor_stop", "severity": 3, "window": [1.0, 3.0]}'
     verdicts = {}
     for kind in ("ignores", "heeds"):
         with started(HERE / "node.py", kind):
-            result = trial("pace=controller", "episode.time_limit=5", stopped, name=kind)
+            result = trial("pace=controller", "episode.time_limit=3", stopped, name=kind)
         assert result.outcome == "timeout"
         verdicts[kind] = read_trace(open_log(Path(result.log))).verdicts
-    assert set(verdicts["ignores"][:30]) == set(verdicts["heeds"]) == {"admitted"}
+    assert set(verdicts["ignores"][:10]) == set(verdicts["heeds"]) == {"admitted"}
     assert verdicts["ignores"].count("stale") >= 10
 
 
