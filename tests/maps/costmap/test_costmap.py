@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
+from tests.maps.exact_distances import scipy_squared
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN, Costmap, CostmapConfig
 from wayproof.maps.columns import ColumnMap
 from wayproof.maps.kernels import columns as kernels
@@ -78,21 +79,11 @@ def air(voxel_map, low=LOW, high=HIGH, floor=-math.inf, ceiling=math.inf, **conf
     return Costmap(config, voxel_map, low, high, "air", 0.2, 0.2, 0.0, floor, ceiling)
 
 
-def brute_force(blocked, reach):
-    """Squared distances to blocked cells or to the frame of cells around the array, one by one."""
-    flat = blocked.shape[2] == 1
-    framed = np.pad(blocked, [(1, 1), (1, 1), (0, 0) if flat else (1, 1)], constant_values=True)
-    inner = np.argwhere(np.ones_like(blocked)) + ([1, 1, 0] if flat else [1, 1, 1])
-    others = np.argwhere(framed)
-    nearest = [((others - cell) ** 2).sum(axis=1).min() for cell in inner]
-    return np.minimum(np.reshape(nearest, blocked.shape), reach * reach)
-
-
-def assert_all_is_as_counted(costmap):
+def assert_distances_are_exact(costmap):
     reach = math.isqrt(costmap.truncation)
-    np.testing.assert_array_equal(costmap.clearance, brute_force(costmap.state != FREE, reach))
+    np.testing.assert_array_equal(costmap.clearance, scipy_squared(costmap.state != FREE, reach))
     np.testing.assert_array_equal(
-        costmap.obstacle_clearance, brute_force(costmap.state == OCCUPIED, reach)
+        costmap.obstacle_clearance, scipy_squared(costmap.state == OCCUPIED, reach)
     )
     assert costmap.clearance.max() <= costmap.truncation
 
@@ -138,12 +129,12 @@ def test_the_body_is_forbidden_near_what_the_policy_fears(voxel_map):
 
 
 @pytest.mark.parametrize("unknown", [0.0, 0.1])
-def test_fields_equal_distances_counted_one_by_one(voxel_map, unknown):
+def test_fields_are_exact_distances(voxel_map, unknown):
     draw = np.random.default_rng(2).random(voxel_map.states.shape)
     voxel_map.set(np.s_[draw < unknown + 0.005], UNKNOWN)
     voxel_map.set(np.s_[draw < 0.005], OCCUPIED)
-    assert_all_is_as_counted(ground(voxel_map))
-    assert_all_is_as_counted(air(voxel_map))
+    assert_distances_are_exact(ground(voxel_map))
+    assert_distances_are_exact(air(voxel_map))
 
 
 @pytest.mark.parametrize("make", [ground, air])
@@ -164,7 +155,7 @@ def test_a_window_shows_its_part_of_the_map(voxel_map, make, low, high):
     first = np.round((costmap.origin - whole.origin) / 0.1).astype(int)
     part = tuple(slice(a, a + n) for a, n in zip(first, costmap.shape, strict=True))
     np.testing.assert_array_equal(costmap.state, whole.state[part])
-    assert_all_is_as_counted(costmap)
+    assert_distances_are_exact(costmap)
 
 
 @pytest.mark.parametrize("make", [ground, air])
@@ -184,7 +175,7 @@ def test_updates_equal_a_new_costmap(voxel_map, make):
         for name in ("state", "clearance", "obstacle_clearance", "cost_table"):
             np.testing.assert_array_equal(getattr(costmap, name), getattr(fresh, name))
         if step % 8 == 0:
-            assert_all_is_as_counted(costmap)
+            assert_distances_are_exact(costmap)
 
 
 def test_the_air_has_the_states_of_the_voxels_within_the_window(voxel_map):

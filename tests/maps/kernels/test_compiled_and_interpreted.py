@@ -17,8 +17,8 @@ for k in range(3):
     directions = rng.normal(size=(40, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     ranges_mm = rng.integers(200, 2600, 40).astype(np.uint16)
-    voxel_map.integrate((k - 0.5, 0.9, 0.4), directions, ranges_mm, 1.5, k * 10**9)
-voxel_map.mark_free_sphere((1, 1, 0.5), 0.3, 3 * 10**9)
+    voxel_map.integrate((k - 0.5, 0.9, 0.4), directions, ranges_mm, 1.5, k * 4 * 10**8)
+voxel_map.mark_free_sphere((1, 1, 0.5), 0.3, 12 * 10**8)
 print(voxel_map.version(), voxel_map.observed_ns_at([[1, 1, 0.3]]), voxel_map.counts())
 box = (0, 0, -0.3), (1.2, 1.0, 0.7)
 def fields(motion, **config):
