@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import pytest
 
-from tests.harness.halls import make_hall
 from wayproof.harness.scenario import places
 from wayproof.harness.scenario.places import known_route, route_between
-from wayproof.models.worlds import WORLDS, Box
+from wayproof.models.worlds import WORLDS, Box, World
+from wayproof.models.worlds.layout import room_walls
 from wayproof.models.worlds.solvability import AIR_BANDS, GROUND_BAND
 
 WIDE = (1, 3)
@@ -27,13 +27,19 @@ def test_a_star_finds_ways_as_short_as_dijkstra(name, band, monkeypatch):
 
 
 def test_a_large_hall_has_a_way_until_a_wall_closes_it():
-    hall = make_hall(120.0, 0)
+    """Of 120 x 120 m, with a crate on every 64 m^2."""
+    low, high = (0.0, 0.0, -0.5), (120.0, 120.0, 3.0)
+    start, goal = (2.0, 30.0, 0.0), (118.0, 90.0, 0.0)
+    corners = [(x, y + 0.3 * x % 4.0) for x in range(8, 112, 8) for y in range(8, 112, 8)]
+    crates = [Box.between((x, y, 0.0), (x + 1.0, y + 1.5, 1.0), "crate") for x, y in corners]
+    solids = *room_walls(low, high), *crates
+    hall = World("hall", 0, low, high, solids, start=start, start_heading=0.0, goal=goal)
     straight = 130.0  # m: 116 along x, 60 along y
-    found = route_between(hall, 0.45, GROUND_BAND, hall.start, hall.goal)
+    found = route_between(hall, 0.45, GROUND_BAND, start, goal)
     assert straight < found < 1.05 * straight
     wall = Box.between((60.0, 0.0, 0.0), (60.2, 120.0, 3.0), "wall")
     closed = replace(hall, solids=(*hall.solids, wall))
-    assert route_between(closed, 0.45, GROUND_BAND, hall.start, hall.goal) is None
+    assert route_between(closed, 0.45, GROUND_BAND, start, goal) is None
 
 
 def test_a_route_is_measured_once_for_a_world_and_a_body():
