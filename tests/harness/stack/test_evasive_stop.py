@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from wayproof.harness.config import Config
+from tests.harness.stack.make_input import make_input
 from wayproof.harness.stack.gaits import Flight, TurnThenGo
 from wayproof.harness.stack.manoeuvres.stopping import EMERGENCY, clearest_stop
-from wayproof.harness.stack.types import FreeSpaces, PlannerInput
 from wayproof.planners import (
     FreeSpace,
     MotionLimits,
@@ -33,19 +32,9 @@ def space(*blocked):
 
 def stop(free_space, speed=2.0, ground=False, path=AHEAD, start=None):
     now = start or hold(path[0], 0, 0.0).at(0)._replace(speed=speed)
-    spaces = FreeSpaces(
-        free_space, free_space, free_space, lambda first, end: np.ones(end - first, np.uint8)
-    )
-    input = PlannerInput(
-        time_ns=0,
-        effect_ns=0,
-        sequence=0,
-        position=path[0],
-        heading=0.0,
-        goal=path[-1],
-        config=Config("", "", seed=0),
-        gait=(TurnThenGo if ground else Flight)(LIMITS, ((0.0, 0.3),)),
-        spaces=spaces,
+    gait = (TurnThenGo if ground else Flight)(LIMITS, ((0.0, 0.3),))
+    input = make_input(
+        gait=gait, traversable=free_space, known_free=free_space, optimistic=free_space
     )
     return clearest_stop(input, now, path)
 
