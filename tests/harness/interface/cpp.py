@@ -23,9 +23,17 @@ def compiler():
     return [sys.executable, "-m", "ziglang", "c++"]
 
 
-def compile_cpp(source, program):
-    """Compile a stack that includes the header of the example."""
-    words = [*compiler(), *FLAGS, f"-I{ROOT / 'examples/cpp'}", "-o", str(program), str(source)]
+def compile_cpp(source, program, *flags):
+    """Compile a stack that includes the header of the example; later flags win."""
+    words = [
+        *compiler(),
+        *FLAGS,
+        *flags,
+        f"-I{ROOT / 'examples/cpp'}",
+        "-o",
+        str(program),
+        str(source),
+    ]
     ended = subprocess.run(words, capture_output=True, text=True, check=False)
     assert ended.returncode == 0, ended.stderr
     return program

@@ -30,7 +30,7 @@ def stack(tmp_path_factory):
 @pytest.fixture(scope="module")
 def probe(tmp_path_factory):
     source = Path(__file__).with_name("probe.cpp")
-    return compile_cpp(source, tmp_path_factory.mktemp("cpp") / "probe")
+    return compile_cpp(source, tmp_path_factory.mktemp("cpp") / "probe", "-O0")
 
 
 def trial(log, stack, world="empty", robot="quadruped", seed=1, *settings):
