@@ -1,19 +1,115 @@
-"""Causes of standstills, from tables of facts and from episodes."""
+"""Causes of contacts and standstills from tables of facts, and facts of episodes."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from tests.harness.attribution.facts import BAD, LIED, cause_of, changed
+from wayproof.harness.attribution import contact as contacts
 from wayproof.harness.attribution import find_cause, read_case
 from wayproof.harness.attribution import standstill as standstills
+from wayproof.harness.attribution.commanded import CommandedFacts
+from wayproof.harness.attribution.contact_facts import ContactFacts
 from wayproof.harness.attribution.floor_edge import FloorEdge
+from wayproof.harness.attribution.old_evidence import old_facts
 from wayproof.harness.attribution.pose import PoseFacts
 from wayproof.harness.attribution.ranges import RangeFacts
 from wayproof.harness.attribution.standstill_facts import StandstillFacts
 from wayproof.harness.attribution.ways import MapWays, TrueWays, certain_radius
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.schema import wayproof_pb2 as pb
+
+LIED = PoseFacts(error=0.5, covered=0.1, beyond=0.4, at_end=0.5)
+BAD = RangeFacts(lost=0.3)
+
+
+def cause_of(tests, facts):
+    return next(name for name, test in tests if test(facts) is not None)
+
+
+def changed(facts, changes):
+    """Facts with some of them changed, of a part by `part.name`."""
+    for name, value in changes.items():
+        part, _, inner = name.partition(".")
+        if inner:
+            whole = getattr(facts, part)
+            value = with_one(whole() if callable(whole) else whole, inner, value)
+        facts = with_one(facts, part, value)
+    return facts
+
+
+def with_one(facts, name, value):
+    """Facts with another value of one name, whether it is measured at once or when called."""
+    measured = callable(getattr(facts, name))
+    return replace(facts, **{name: (lambda: value) if measured else value})
+
+
+TOUCH = ContactFacts(
+    name="crate_0", time_s=5.0, decision=38, decision_s=3.8, there_when_decided=True,
+    there_when_observed=True, observed_s=3.8, away=0.9, free=3, unknown=0, own=4, nearest_own=0.1,
+    off_path=0.02, planned_clearance=0.0, pose_error=0.02, margin=0.1, usual=0.1, pose=PoseFacts(),
+    ranges=RangeFacts(), disregarded=0.0, late=None,
+)  # fmt: skip
+
+BLOCKED = CommandedFacts(first=30, count=15, verdict="blocked", free_m=0.4, in_the_way=5, blocked=9)
+UNKNOWN = replace(BLOCKED, verdict="unknown", in_the_way=0, blocked=0)
+
+
+@pytest.mark.parametrize(
+    ("change", "cause"),
+    [
+        ({}, "margin_too_small"),
+        ({"own": 0}, "missed_obstacle"),
+        ({"own": 0, "free": 1, "unknown": 2}, "unseen_obstacle"),
+        ({"off_path": 0.3, "planned_clearance": 0.2}, "tracking"),
+        ({"off_path": 0.3, "planned_clearance": 0.04}, "margin_too_small"),
+        ({"off_path": 0.12, "planned_clearance": 0.06}, "margin_too_small"),
+        ({"off_path": 0.08, "planned_clearance": 0.2, "margin": 0.04}, "margin_too_small"),
+        ({"there_when_decided": False}, "moved_obstacle"),
+        ({"there_when_observed": False}, "moved_obstacle"),
+        ({"there_when_observed": False, "observed_s": -1e-9, "own": 0}, "missed_obstacle"),
+        ({"late": (40, 0.3, 0.05), "there_when_decided": False}, "latency"),
+        ({"disregarded": 0.2}, "disregarded_obstacle"),
+        ({"disregarded": 0.2, "own": 0}, "missed_obstacle"),
+        ({"pose": LIED, "own": 0}, "localization"),
+        ({"pose": LIED, "off_path": 0.6, "planned_clearance": 0.2}, "localization"),
+        ({"pose": LIED, "ranges": BAD}, "localization"),
+        ({"ranges": BAD, "own": 0}, "perception"),
+        ({"ranges": RangeFacts(off=0.4), "late": (40, 0.3, 0.05)}, "perception"),
+        ({"ranges": RangeFacts(early=0.01), "own": 0}, "perception"),
+        ({"ranges": RangeFacts(early=0.001), "own": 0}, "missed_obstacle"),
+        ({"ranges": RangeFacts(lost=0.001, off=0.01), "own": 0}, "missed_obstacle"),
+        ({"ranges.blind": 4.0, "own": 0}, "perception"),
+        ({"ranges.blind": 4.0, "own": 0, "unknown": 9}, "unseen_obstacle"),
+        ({"old.hidden": "the pose came again", "old.stated": "old"}, "frozen_evidence"),
+        ({"old.stated": "without a new sweep", "pose": LIED}, "stale_evidence"),
+        ({"late": (40, 0.6, 0.25), "late_answer": 0.59}, "plugin_failed"),
+        ({"late": (40, 0.6, 0.25), "late_answer": 0.05}, "latency"),
+        ({"commanded": BLOCKED}, "disregarded_obstacle"),
+        ({"commanded": BLOCKED, "pose": LIED}, "disregarded_obstacle"),
+        ({"commanded": replace(BLOCKED, in_the_way=0)}, "disregarded_obstacle"),
+        ({"commanded": replace(BLOCKED, in_the_way=0), "own": 0}, "missed_obstacle"),
+        ({"commanded": UNKNOWN, "own": 0, "unknown": 9}, "unseen_obstacle"),
+        ({"commanded": UNKNOWN, "own": 0, "unknown": 9, "pose": LIED}, "unseen_obstacle"),
+        (
+            {"commanded": UNKNOWN, "own": 0, "unknown": 9, "there_when_decided": False},
+            "moved_obstacle",
+        ),
+        ({"commanded": UNKNOWN, "own": 0}, "missed_obstacle"),
+        (
+            {"commanded": UNKNOWN, "own": 0, "free": 12, "unknown": 5, "hidden": 16},
+            "unseen_obstacle",
+        ),
+        (
+            {"commanded": UNKNOWN, "own": 0, "free": 4, "unknown": 3, "hidden": -9},
+            "missed_obstacle",
+        ),
+        ({"commanded": UNKNOWN}, "margin_too_small"),
+    ],
+)
+def test_a_contact_has_the_cause_that_its_facts_leave(change, cause):
+    assert cause_of(contacts.TESTS, changed(TOUCH, change)) == cause
+
 
 TRUTH = TrueWays(
     radius=0.5,
@@ -160,13 +256,53 @@ def test_nothing_that_moves_is_blamed_where_nothing_moves(recorded):
     assert find_cause(case).cause != "moved_obstacle"
 
 
-def test_a_doubt_that_came_later_is_none_of_an_earlier_decision(recorded):
-    log = open_log(Path(recorded("empty", "drone", 1, "episode.time_limit=2").log))
-    case = read_case(log)
-    navigator = case.empty_navigator_at(3)
+@pytest.fixture(scope="module")
+def brief(recorded):
+    """Two seconds of a drone, whose sweeps all come."""
+    return read_case(open_log(Path(recorded("empty", "drone", 1, "episode.time_limit=2").log)))
+
+
+def test_a_doubt_that_came_later_is_none_of_an_earlier_decision(brief):
+    navigator = brief.empty_navigator_at(3)
     sure, unsure = pb.Decision(position_sigma=0.02), pb.Decision(position_sigma=0.4)
     assert certain_radius(navigator, sure) == navigator.costmap.inflation_radius
     assert certain_radius(navigator, unsure) < navigator.costmap.inflation_radius - 0.7
+
+
+def without_sweeps_of(sensor):
+    return lambda one: replace(one, sweeps=tuple(s for s in one.sweeps if s.sensor != sensor))
+
+
+def standing_for_want_of_evidence(moment):
+    stale = pb.Decision(label="map_stale", predicate=pb.Reason(delay_s=0.7))
+    return replace(moment, decision=stale)
+
+
+def by_an_old_pose(moment):
+    pose = pb.Pose()
+    pose.CopyFrom(moment.pose)
+    pose.age_ns = 400_000_000
+    return replace(moment, pose=pose)
+
+
+@pytest.mark.parametrize(
+    ("change", "last", "said"),
+    [
+        (without_sweeps_of("lidar"), 9, ""),
+        (without_sweeps_of("lidar"), 10, "50% of the last 20 decisions were made without a new"),
+        (without_sweeps_of("altimeter"), 20, ""),
+        (standing_for_want_of_evidence, 9, ""),
+        (standing_for_want_of_evidence, 10, "what lay on its way was last seen 0.7 s ago"),
+        (by_an_old_pose, 1, "the pose was 0.4 s old by its stamp"),
+    ],
+)
+def test_what_was_old_by_its_stamp_at_the_end_is_stated(brief, change, last, said):
+    assert next(iter(brief.beams_at(0))) == "lidar"
+    assert len(brief.moments) > 20
+    moments = (*brief.moments[:-last], *map(change, brief.moments[-last:]))
+    stated = old_facts(replace(brief, moments=moments), len(moments) - 1).stated
+    assert said in stated
+    assert bool(stated) == bool(said)
 
 
 def evidence(change):
