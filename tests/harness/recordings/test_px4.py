@@ -23,9 +23,12 @@ def from_room(recording):
     return np.array(away)
 
 
-@pytest.mark.parametrize("orientation", flights.FACING)
 @pytest.mark.parametrize(
-    "names", [("VehicleOdometry",), ("VehicleAttitude", "VehicleLocalPosition")]
+    ("names", "orientation"),
+    [
+        *((("VehicleOdometry",), one) for one in flights.FACING),
+        (("VehicleAttitude", "VehicleLocalPosition"), 6),
+    ],
 )
 def test_the_returns_of_a_bag_lie_on_the_walls(tmp_path, names, orientation):
     recording = open_recording(flights.bag(names, orientation).write(tmp_path / "bag"))

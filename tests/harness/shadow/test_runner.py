@@ -1,4 +1,8 @@
-from dataclasses import asdict
+"""Recordings shadowed: logs that replay, decisions as the recording allows, and a page."""
+
+import base64
+import re
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -6,6 +10,7 @@ import pytest
 
 from tests.harness.recordings.bags.making import Bag, at
 from tests.harness.shadow.conftest import FR079, shadowed, written
+from wayproof.harness.cli.main import main
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.metrics import OF_TRUTH, score
@@ -19,6 +24,7 @@ from wayproof.harness.replay.replay import replay
 from wayproof.harness.replay.verify import verify
 from wayproof.harness.shadow.assess import assess
 from wayproof.harness.shadow.body import find_body
+from wayproof.harness.shadow.page import write_page
 from wayproof.harness.shadow.prepare import prepare
 from wayproof.harness.shadow.summary import summarize
 from wayproof.harness.trace import read_trace
@@ -59,8 +65,6 @@ def test_goals_are_places_that_the_robot_reached_later(fr079_log):
 
 
 def test_a_changed_result_is_a_contradiction(fr079_log):
-    from dataclasses import replace
-
     log = open_log(fr079_log)
     forged = replace(log, result={**log.result, "path_length_m": "1.0"})
     assert [one.field for one in contradictions(forged)][:1] == ["result.path_length_m"]
@@ -161,3 +165,20 @@ def test_what_a_recording_was_read_with_is_in_its_config(fr079_log, robot, tmp_p
     assert config.recording.options == ("end=1.0", mount)
     with pytest.raises(InputError, match=r"recording\.options"):
         prepare(recording, find_body(str(robot)), ["recording.options=x"])
+
+
+def test_the_page_of_a_recording_holds_its_picture_and_its_verdict(fr079_log, tmp_path):
+    out = tmp_path / "page.html"
+    summary = write_page(fr079_log, out)
+    text = out.read_text()
+    assert summary.verdict in text
+    assert summary.chain in text
+    picture = re.search(r"base64,([^\"]+)", text)[1]
+    assert base64.b64decode(picture).startswith(b"\x89PNG")
+    assert "http" not in text  # it is one file
+
+
+def test_report_takes_the_log_of_a_recording(fr079_log, capsys):
+    assert main(["report", str(fr079_log)]) == 0
+    assert "page: " in capsys.readouterr().out
+    assert fr079_log.with_suffix(".html").exists()

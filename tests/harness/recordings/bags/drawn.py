@@ -247,33 +247,17 @@ class Recorder:
         cy = ((rows - 1) / 2 + 0.5) * binning - 0.5 + cut
         matrix = np.array([fx, 0, cx, 0, fx, cy, 0, 0, 1.0])
         projection = np.array([fx, 0, cx, 0, 0, fx, cy, 0, 0, 0, 1.0, 0])
-        build = self.bag.build
         full = rows * binning + 2 * cut, columns * binning + 2 * cut
-        roi = dict(x_offset=cut, y_offset=cut, height=0, width=0, do_rectify=False)
+        roi = {"x_offset": cut, "y_offset": cut}
         if cut:
-            roi |= dict(height=rows * binning, width=columns * binning)
-        bent = (
-            np.array([-0.3, 0.1, 0.0, 0.0, 0.0]) if self.plan.info == "distorted" else np.zeros(5)
-        )
+            roi |= {"height": rows * binning, "width": columns * binning}
         lens = {
-            "D": bent,
             "K": np.zeros(9) if self.plan.info == "P" else matrix,
-            "R": np.eye(3).ravel(),
-            "P": projection if self.plan.info != "K" else np.zeros(12),
+            "P": np.zeros(12) if self.plan.info == "K" else projection,
         }
-        message = build.make(
-            "sensor_msgs/CameraInfo",
-            header=build.header(round(stamp * 1e9), "camera"),
-            height=full[0],
-            width=full[1],
-            distortion_model="plumb_bob",
-            binning_x=binning if binning > 1 else 0,
-            binning_y=binning if binning > 1 else 0,
-            roi=build.make("sensor_msgs/RegionOfInterest", **roi),
-            **lens,
-            **{name.lower(): value for name, value in lens.items()},
-        )
-        self.bag.add("/depth/camera_info", "sensor_msgs/CameraInfo", message, stamp)
+        if self.plan.info == "distorted":
+            lens["D"] = np.array([-0.3, 0.1, 0.0, 0.0, 0.0])
+        self.bag.camera(stamp, full, fx, roi, binning if binning > 1 else 0, **lens)
 
     def record(self, path: Path) -> Path:
         self.transforms()

@@ -120,27 +120,24 @@ class Bag:
         message = self.build.make("sensor_msgs/Image", **(defaults | changed))
         self.add(topic, "sensor_msgs/Image", message, stamp)
 
-    def camera(self, stamp, shape, focal, topic="/depth/camera_info"):
+    def camera(self, stamp, shape, focal, roi=(), binning=0, **lens):
+        """Add a CameraInfo, with a region of interest and parts D, K, R, P of its lens."""
         matrix = np.array([focal, 0, shape[1] / 2, 0, focal, shape[0] / 2, 0, 0, 1], float)
-        projection = np.zeros(12)
-        lens = {"D": np.zeros(5), "K": matrix, "R": np.eye(3).ravel(), "P": projection}
-        roi = self.build.make(
-            "sensor_msgs/RegionOfInterest",
-            **{"x_offset": 0, "y_offset": 0, "height": 0, "width": 0, "do_rectify": False},
-        )
+        lens = {"D": np.zeros(5), "K": matrix, "R": np.eye(3).ravel(), "P": np.zeros(12)} | lens
+        region = dict.fromkeys(("x_offset", "y_offset", "height", "width"), 0) | dict(roi)
         message = self.build.make(
             "sensor_msgs/CameraInfo",
             header=self.build.header(round(stamp * S), "camera"),
             height=shape[0],
             width=shape[1],
             distortion_model="plumb_bob",
-            binning_x=0,
-            binning_y=0,
-            roi=roi,
+            binning_x=binning,
+            binning_y=binning,
+            roi=self.build.make("sensor_msgs/RegionOfInterest", do_rectify=False, **region),
             **lens,
             **{name.lower(): value for name, value in lens.items()},
         )
-        self.add(topic, "sensor_msgs/CameraInfo", message, stamp)
+        self.add("/depth/camera_info", "sensor_msgs/CameraInfo", message, stamp)
 
     def write(self, path):
         write_bag(self.messages, path, self.kind)

@@ -1,3 +1,5 @@
+"""Bags: each message is read right, counted or refused, as public recordings have them."""
+
 import numpy as np
 import pytest
 
@@ -47,23 +49,63 @@ def test_a_scan_of_every_kind_of_bag(tmp_path, kind):
     assert recording.chosen == "/scan (laser); poses: frames odom -> base_link"
 
 
-def test_the_maximum_itself_says_that_nothing_came_back(tmp_path):
-    bag = simple()
-    bag.scan(10.5, [1.0, 10.0, 9.99])
-    recording = opened(bag.write(tmp_path / "bag"))
-    (sweep,) = recording.sweeps()
-    assert sweep.ranges.tolist() == [1.0, np.inf, np.float32(9.99)]
-    assert not recording.sensors[0].missing_returns_known
-
-
-def test_a_laser_upside_down_has_its_left_to_the_right(tmp_path):
-    bag = Bag()
+def test_a_laser_upside_down_has_its_left_to_the_right_and_its_maximum_is_no_return(tmp_path):
+    bag = Bag("ros1")
     bag.drive([10.0, 11.0])
-    bag.tf("base_link", "laser", 10.0, at(0.0, 0.0, 0.5, (0.0, 1.0, 0.0, 0.0)), "/tf_static")
-    bag.scan(10.5, [2.0, np.nan], angle_min=np.pi / 2)
-    (sweep,) = opened(bag.write(tmp_path / "bag")).sweeps()
-    ends = rotate(sweep.T_body_sensor.quaternion, sweep.directions * sweep.ranges[:, None])
-    np.testing.assert_allclose(ends, [[0.0, -2.0, 0.0]], atol=1e-6)
+    mount = at(0.0, 0.0, 0.5, (0.0, 1.0, 0.0, 0.0))
+    bag.tf("/base_link", "/laser", 10.4, mount)  # published again and again, on /tf
+    ranges = [2.0, np.nan, 10.0, 9.99]
+    bag.scan(10.1, ranges, frame="/laser", angle_min=np.pi / 2, time_increment=0.25)
+    recording = opened(bag.write(tmp_path / "bag.bag"))
+    (sweep,) = recording.sweeps()
+    assert sweep.ranges.tolist() == [2.0, np.inf, np.float32(9.99)]
+    assert sweep.beam_times_ns.tolist() == [0, 500_000_000, 750_000_000]
+    assert not recording.sensors[0].missing_returns_known
+    first = rotate(sweep.T_body_sensor.quaternion, sweep.directions[0] * 2.0)
+    np.testing.assert_allclose(first, [0.0, -2.0, 0.0], atol=1e-6)
+
+
+def unstamped(bag):
+    return {"header": bag.build.header(0, "laser")}
+
+
+@pytest.mark.parametrize(
+    ("stamps", "more", "options", "times", "faults"),
+    [
+        ([9.9, 10.0, 12.0, 12.1], {}, {}, [0.0, 2.0], {"sweep: no pose at its time": 2}),
+        # Its last beam is after the last pose.
+        (
+            [11.9], {"time_increment": 0.1, "scan_time": 0.3}, {}, [],
+            {"sweep: no pose at its time": 1},
+        ),
+        ([9.9, 10.1, 11.0, 11.9, 12.1], {}, {"begin": 0.5, "end": 1.5}, [1.0], {}),
+        (
+            [12.0, 13.0, 14.0], {}, {}, [2.0, 4.0],
+            {"pose: gap of more than 1 s": 1, "sweep: no pose at its time": 1},
+        ),
+        ([12.0, 13.0, 14.0], {}, {"max_gap": 2.0}, [2.0, 3.0, 4.0], {}),
+        # Exchanged ones are put right, the last one is a clock set back.
+        (
+            [10.1, 10.3, 10.2, 10.4, 10.4], {}, {}, [0.1, 0.2, 0.3, 0.4],
+            {"sweep: stamp out of order": 1},
+        ),
+        (
+            [10.1, 10.2], unstamped, {}, [0.1, 0.2],
+            {"sweep: without a stamp, taken as recorded": 2},
+        ),
+    ],
+)  # fmt: skip
+def test_a_sweep_is_taken_at_its_time_or_left_out_and_counted(
+    tmp_path, stamps, more, options, times, faults
+):
+    bag = simple()
+    if stamps[-1] == 14.0:
+        bag.drive([14.0])
+    for stamp in stamps:
+        bag.scan(stamp, [1.0] * 3, **(more(bag) if callable(more) else more))
+    recording = opened(bag.write(tmp_path / "bag"), **options)
+    assert [sweep.time_ns for sweep in recording.sweeps()] == [round(1e9 * t) for t in times]
+    assert recording.faults == faults
 
 
 def test_a_folder_of_the_parts_of_a_bag_of_ros_1_is_one_bag(tmp_path):
@@ -90,64 +132,6 @@ def test_a_bag_whose_files_are_packed_is_one_line(tmp_path):
     (tmp_path / "bag/bag_0.db3.zstd").write_bytes(b"\x28\xb5\x2f\xfd")
     with pytest.raises(InputError, match=r"'bag_0\.db3\.zstd' is packed, unpack it first"):
         opened(tmp_path / "bag")
-
-
-def test_the_beams_of_a_scan_may_be_apart_in_time(tmp_path):
-    bag = simple()
-    bag.scan(10.5, [1.0, np.nan, 1.0], time_increment=0.25)
-    (sweep,) = opened(bag.write(tmp_path / "bag")).sweeps()
-    assert sweep.beam_times_ns.tolist() == [0, 500_000_000]
-
-
-def test_a_sweep_without_pose_or_transform_is_left_out_and_counted(tmp_path):
-    bag = simple()
-    for stamp in (9.9, 10.0, 12.0, 12.1):
-        bag.scan(stamp, [1.0])
-    bag.scan(
-        11.9, [1.0] * 3, time_increment=0.1, scan_time=0.3
-    )  # its last beam is after the last pose
-    recording = opened(bag.write(tmp_path / "bag"))
-    assert [sweep.time_ns for sweep in recording.sweeps()] == [0, 2_000_000_000]
-    assert recording.faults == {"sweep: no pose at its time": 3}
-
-
-def test_a_sweep_outside_the_times_chosen_is_no_fault(tmp_path):
-    bag = simple()
-    for stamp in (9.9, 10.1, 11.0, 11.9, 12.1):
-        bag.scan(stamp, [1.0])
-    recording = opened(bag.write(tmp_path / "bag"), begin=0.5, end=1.5)
-    assert [sweep.time_ns for sweep in recording.sweeps()] == [1_000_000_000]
-    assert recording.faults == {}
-
-
-def test_a_gap_of_the_track_is_counted_and_bridged_by_no_sweep(tmp_path):
-    bag = simple()
-    bag.drive([14.0])
-    for stamp in (12.0, 13.0, 14.0):
-        bag.scan(stamp, [1.0])
-    recording = opened(bag.write(tmp_path / "bag"))
-    assert [sweep.time_ns for sweep in recording.sweeps()] == [2_000_000_000, 4_000_000_000]
-    assert recording.faults == {"pose: gap of more than 1 s": 1, "sweep: no pose at its time": 1}
-    assert len(list(opened(tmp_path / "bag", max_gap=2.0).sweeps())) == 3
-
-
-def test_exchanged_scans_are_put_right_and_a_clock_set_back_is_counted(tmp_path):
-    bag = simple()
-    for stamp in (10.1, 10.3, 10.2, 10.4, 10.4):
-        bag.scan(stamp, [1.0])
-    recording = opened(bag.write(tmp_path / "bag"))
-    times = [sweep.time_ns for sweep in recording.sweeps()]
-    assert times == [100_000_000, 200_000_000, 300_000_000, 400_000_000]
-    assert recording.faults == {"sweep: stamp out of order": 1}
-
-
-def test_scans_without_a_stamp_are_taken_as_recorded(tmp_path):
-    bag = simple()
-    for stamp in (10.1, 10.2):
-        bag.scan(stamp, [1.0], header=bag.build.header(0, "laser"))
-    recording = opened(bag.write(tmp_path / "bag"))
-    assert [sweep.time_ns for sweep in recording.sweeps()] == [100_000_000, 200_000_000]
-    assert recording.faults == {"sweep: without a stamp, taken as recorded": 2}
 
 
 def test_the_tree_of_frames_is_interpolated_in_time(tmp_path):
@@ -195,16 +179,6 @@ def test_clouds_registered_in_the_world_are_no_sweeps(tmp_path, transforms):
         opened(path, sensors=("/in_camera_init",))
     (sweep,) = opened(path, sensors=("/in_body",)).sweeps()
     assert sweep.T_body_sensor.position.tolist() == [0.0, 0.0, 0.0]
-
-
-def test_a_footprint_that_moves_below_the_body_bears_its_sensors(tmp_path):
-    bag = Bag()
-    bag.drive([10.0, 11.0])
-    for stamp in (10.0, 11.0):
-        bag.tf("base_link", FOOTPRINT, stamp, at(z=-0.01 * stamp))
-    bag.scan(10.5, [1.0], frame="base_link")
-    (sweep,) = opened(bag.write(tmp_path / "bag"), body=FOOTPRINT).sweeps()
-    np.testing.assert_allclose(sweep.T_body_sensor.position, [0.0, 0.0, 0.105])
 
 
 def robots(*namespaces):
@@ -256,15 +230,6 @@ def test_a_tree_around_a_namespace_is_that_of_its_robot_too(tmp_path):
     recording = opened(bag.write(tmp_path / "bag"))
     assert recording.chosen.endswith("frames map -> base_link")
     assert recording.track.positions[0].tolist() == [20.0, 1.0, 3.0]
-
-
-def test_transforms_of_ros_1_that_never_change_are_fixed(tmp_path):
-    bag = Bag("ros1")
-    bag.drive([10.0, 11.0])
-    bag.tf("/base_link", "/laser", 10.4, at(0.3))  # published again and again, on /tf
-    bag.scan(10.1, [1.0], frame="/laser")
-    (sweep,) = opened(bag.write(tmp_path / "bag.bag")).sweeps()
-    assert sweep.T_body_sensor.position.tolist() == [0.3, 0.0, 0.0]
 
 
 def test_odometry_alone_has_its_body_from_the_message(tmp_path):
@@ -372,19 +337,6 @@ def test_messages_of_sizes_that_do_not_agree_are_counted(tmp_path):
     }
 
 
-def test_bytes_of_another_type_are_counted(tmp_path):
-    bag = simple()
-    bag.scan(10.1, [1.0])
-    path = bag.write(tmp_path / "bag")
-    file = next(path.glob("*.mcap"))
-    data = file.read_bytes()
-    place = data.index(b"sensor_msgs/msg/LaserScan", 100)  # in the schema of the channel
-    named = data[:place] + b"sensor_msgs/msg/PointClou" + data[place + 25 :]
-    file.write_bytes(named)
-    with pytest.raises(InputError, match="no LaserScan, PointCloud2, depth Image, CustomMsg"):
-        opened(path)
-
-
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_bag_that_was_cut_is_read_up_to_there(tmp_path, kind):
     bag = simple(kind)
@@ -404,27 +356,172 @@ def test_a_bag_that_was_cut_is_read_up_to_there(tmp_path, kind):
 
 
 @pytest.mark.parametrize(
-    ("parent", "child", "z"), [("base_link", FOOTPRINT, -0.3), (FOOTPRINT, "base_link", 0.3)]
+    ("parent", "child", "z", "height"),
+    [
+        ("base_link", FOOTPRINT, -0.3, 0.3),
+        (FOOTPRINT, "base_link", 0.3, 0.3),
+        ("base_link", "tail", 0.3, None),
+    ],
 )
-def test_the_height_of_the_body_is_that_above_its_footprint(tmp_path, parent, child, z):
+def test_the_height_of_the_body_is_that_above_its_footprint(tmp_path, parent, child, z, height):
     bag = Bag("mcap")
-    if child == FOOTPRINT:
-        bag.drive([10.0, 11.0])
-        bag.tf(parent, child, 10.0, at(z=z), "/tf_static")
-    else:
-        for stamp in (10.0, 11.0):
-            bag.tf("odom", parent, stamp, at(stamp, 0.0, 0.1))
-        bag.tf(parent, child, 10.0, at(z=z), "/tf_static")
+    for stamp in (10.0, 11.0):
+        bag.tf("odom", parent, stamp, at(stamp, 0.0, 0.1))
+    bag.tf(parent, child, 10.0, at(z=z), "/tf_static")
     bag.tf("base_link", "laser", 10.0, at(z=0.1), "/tf_static")
     bag.scan(10.5, [1.0] * 5)
-    bag.write(tmp_path / "bag")
-    assert open_recording(tmp_path / "bag").body_height == pytest.approx(0.3)
+    found = opened(bag.write(tmp_path / "bag")).body_height
+    assert found == (None if height is None else pytest.approx(height))
 
 
-def test_the_height_of_the_body_is_unknown_without_a_footprint(tmp_path):
-    bag = Bag("mcap")
+def test_a_footprint_that_moves_below_the_body_bears_its_sensors(tmp_path):
+    bag = Bag()
     bag.drive([10.0, 11.0])
-    bag.tf("base_link", "laser", 10.0, at(z=0.1), "/tf_static")
-    bag.scan(10.5, [1.0] * 5)
-    bag.write(tmp_path / "bag")
-    assert open_recording(tmp_path / "bag").body_height is None
+    for stamp in (10.0, 11.0):
+        bag.tf("base_link", FOOTPRINT, stamp, at(z=-0.01 * stamp))
+    bag.scan(10.5, [1.0], frame="base_link")
+    (sweep,) = opened(bag.write(tmp_path / "bag"), body=FOOTPRINT).sweeps()
+    np.testing.assert_allclose(sweep.T_body_sensor.position, [0.0, 0.0, 0.105])
+
+
+STAMPS = 1000.0 + 0.1 * np.arange(10)
+SHARES = np.linspace(0.0, 1.0, 200)
+
+
+def with_body(frame="laser"):
+    bag = Bag()
+    bag.tf("base_link", frame, 0.0, at(0.2), "/tf_static")
+    bag.drive(np.arange(999.0, 1003.0, 0.05))
+    return bag
+
+
+@pytest.mark.parametrize(
+    ("times", "counted"),
+    [
+        (lambda stamp: (SHARES * 1e5).astype(np.float32), None),
+        (lambda stamp: (SHARES * 1e2).astype(np.float32), None),
+        (lambda stamp: SHARES.astype(np.float32), None),
+        (lambda stamp: (SHARES * 1e8).astype(np.uint32), None),
+        (lambda stamp: stamp + 37.0 + 0.1 * SHARES, "sweep: times of another clock"),
+    ],
+    ids=["us", "ms", "share", "ns", "other clock"],
+)
+def test_a_sweep_takes_the_time_between_stamps(tmp_path, times, counted):
+    bag = with_body("lidar")
+    for stamp in STAMPS:
+        x = np.full(200, 3.0, np.float32)
+        bag.cloud(stamp, {"x": x, "y": x, "z": x, "time": times(stamp)})
+    recording = opened(bag.write(tmp_path / "bag"))
+    found = list(recording.sweeps())
+    assert len(found) == len(STAMPS)
+    for sweep in found:
+        np.testing.assert_allclose(sweep.beam_times_ns, SHARES * 1e8, atol=1e3)
+    assert [kind.startswith(counted or "-") for kind in recording.faults] == [True] * bool(counted)
+
+
+def test_a_point_many_periods_off_is_no_point(tmp_path):
+    bag = with_body("lidar")
+    for stamp in STAMPS:
+        x, times = np.full(200, 3.0, np.float32), (SHARES * 1e8).astype(np.uint32)
+        times[7] = 3_600_000_000
+        bag.cloud(stamp, {"x": x, "y": x, "z": x, "t": times})
+    recording = opened(bag.write(tmp_path / "bag"))
+    assert {len(sweep.ranges) for sweep in recording.sweeps()} == {199}
+    assert recording.faults == {"point: time far from the others": 10}
+
+
+def test_a_maximum_that_varies_is_a_return(tmp_path):
+    bag = with_body()
+    for k, stamp in enumerate(STAMPS):
+        bag.scan(stamp, [1.0, 4.0 + 0.1 * k], range_max=4.0 + 0.1 * k, time_increment=-0.01)
+    for k, sweep in enumerate(opened(bag.write(tmp_path / "bag")).sweeps()):
+        np.testing.assert_allclose(sweep.ranges, [1.0, 4.0 + 0.1 * k], rtol=1e-6)
+        assert sweep.beam_times_ns.tolist() == [10_000_000, 0]
+
+
+def two_frames(bag):
+    bag.tf("base_link", "rear", 0.0, at(-0.2), "/tf_static")
+    bag.scan(1000.05, [1.0], frame="rear")
+
+
+def another_parent(bag):
+    for stamp in (999.0, 1000.0, 1001.0):
+        bag.tf("wheels", "base_link", stamp, at(2 * stamp))
+
+
+def reset(bag):
+    bag.drive(np.arange(999.0, 1003.0, 0.05))
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (two_frames, r"several sensors, choose: /scan@laser \(LaserScan, \d+\), /scan@rear"),
+        (another_parent, "choose: frame odom, frame wheels"),
+        (reset, "cannot be told which run they are of"),
+    ],
+)
+def test_what_has_two_meanings_is_refused(tmp_path, change, said):
+    bag = with_body()
+    for stamp in STAMPS:
+        bag.scan(stamp, [1.0])
+    change(bag)
+    with pytest.raises(InputError, match=said):
+        opened(bag.write(tmp_path / "bag"))
+
+
+def test_a_topic_of_several_frames_is_a_sensor_for_each(tmp_path):
+    bag = with_body()
+    for stamp in STAMPS:
+        bag.scan(stamp, [1.0])
+    two_frames(bag)
+    path = bag.write(tmp_path / "bag")
+    (rear,) = opened(path, sensors=("/scan@rear",)).sweeps()
+    assert rear.T_body_sensor.position[0] == pytest.approx(-0.2)
+    both = opened(path, sensors=("/scan@rear", "/scan@laser"))
+    assert sorted({sweep.sensor for sweep in both.sweeps()}) == ["scan@laser", "scan@rear"]
+
+
+@pytest.mark.parametrize("back", [0.3, 5.0])
+def test_the_longer_run_is_judged_and_the_other_is_named(tmp_path, back):
+    bag = with_body()
+    bag.messages = bag.messages[:1]  # the mount
+    clock = [*np.arange(1000.0, 1002.0, 0.1), *np.arange(1002.0 - back, 1005.0 - back, 0.1)]
+    for k, stamp in enumerate(clock):
+        bag.tf("odom", "base_link", stamp - 0.01, at(0.1 * k))
+        bag.tf("odom", "base_link", stamp + 0.04, at(0.1 * k + 0.05))
+        bag.scan(stamp, [1.0])
+    recording = opened(bag.write(tmp_path / "bag"))
+    found = list(recording.sweeps())
+    assert [len(found), recording.faults] == [
+        30,
+        {"sweep: of another run, as the clock was set back": 20},
+    ]
+    assert "; run 2 of 2, as the clock was set back; not judged: run 1 (20 sweeps, 1000.0" in (
+        recording.chosen
+    )
+    x = recording.track.at(np.array([sweep.time_ns for sweep in found]))[0][:, 0]
+    assert x == pytest.approx(0.1 * np.arange(20, 50) + 0.01, abs=1e-6)
+
+
+def test_a_parent_can_be_chosen_and_the_last_static_transform_counts(tmp_path):
+    bag = with_body()
+    another_parent(bag)
+    bag.tf("base_link", "laser", 1.0, at(0.5), "/tf_static")
+    bag.scan(1000.0, [1.0])
+    path = bag.write(tmp_path / "bag")
+    for pose, place in (("odom", 1000.0), ("wheels", 2000.0)):
+        recording = opened(path, pose=pose)
+        (sweep,) = recording.sweeps()
+        assert recording.track.at(np.array([sweep.time_ns]))[0][0, 0] == pytest.approx(place)
+        assert sweep.T_body_sensor.position[0] == 0.5
+
+
+def test_the_code_for_no_depth_says_nothing(tmp_path):
+    bag = with_body("camera")
+    bag.camera(1000.0, (4, 6), 2.0)
+    pixels = np.full((4, 6), 2000, np.uint16)
+    pixels[0, :2] = 0, 65535
+    bag.image(1000.0, pixels, "16UC1")
+    (sweep,) = opened(bag.write(tmp_path / "bag"), pixel_stride=1).sweeps()
+    assert len(sweep.ranges) == 22
