@@ -2,33 +2,24 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
-from pathlib import Path
+from dataclasses import replace
 
 import pytest
 
+from tests.harness.study.here import ARM, row
 from wayproof.harness.cli.main import main
-from wayproof.harness.errors import InputError
-from wayproof.harness.metrics import METRICS
 from wayproof.harness.study.calibration import Calibration, calibration_of
 from wayproof.harness.study.file import read_study
-from wayproof.harness.study.plan import Arm, plan_episodes
+from wayproof.harness.study.plan import plan_episodes
 from wayproof.harness.study.rows import Row
-
-ARM = Arm("warehouse", "drone", "", "none", 0)
 
 
 def rows(collided: int, count: int = 100, time: float = 20.0) -> list[Row]:
     """The first so many collide."""
-    usual = dict.fromkeys(METRICS)
-    made = []
-    for seed in range(count):
-        hit = seed < collided
-        metrics = {**usual, "success": float(not hit), "collisions": float(hit)}
-        outcome = "collision" if hit else "success"
-        made.append(Row(str(seed), ARM, seed, outcome, "", "", "", time, metrics, ()))
-    return made
+    hits = [row(seed, ARM, "collision", collisions=1.0) for seed in range(collided)]
+    clear = [row(seed) for seed in range(collided, count)]
+    return [replace(one, duration=time) for one in hits + clear]
 
 
 def calibrated(margins: list[float], ladder: list[list[Row]], bound: float) -> Calibration:
@@ -58,7 +49,7 @@ def test_too_few_episodes_show_nothing() -> None:
 
 
 def test_an_episode_in_error_has_not_kept_clear() -> None:
-    broken = [dataclasses.replace(row, outcome="error") for row in rows(0, 10)]
+    broken = [replace(one, outcome="error") for one in rows(0, 10)]
     result = calibrated([0.0, 0.1], [broken, broken], 0.05)
     assert (result.value, result.low, result.high) == (None, None, None)
 
@@ -70,23 +61,8 @@ def test_every_margin_meets_the_same_drift() -> None:
     assert drifts == {0.02}
 
 
-@pytest.mark.parametrize(
-    ("settings", "said"),
-    [
-        (["axes.costmap.localization_margin=[0.2,0.1]"], "one axis of at least two rising numbers"),
-        (["perturbations.pose_drift=[1]"], "expected `perturbation` in"),
-        (["calibrate.bound=1.0"], r"Expected `float` < 1.0"),
-        (["kind=grid", "calibrate.bound=0.1"], r"\[calibrate\] in a study of kind grid"),
-    ],
-)
-def test_what_a_calibration_cannot_use_is_refused(settings: list[str], said: str) -> None:
-    with pytest.raises(InputError, match=said):
-        read_study("calibrate", settings=settings)
-
-
-def test_a_study_of_this_kind_runs_episodes(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+@pytest.mark.usefixtures("in_this_process")
+def test_a_study_of_this_kind_runs_episodes(tmp_path, capsys):
     words = "worlds=empty seeds=2 episode.time_limit=1 map.resolution=0.2".split()
     words += ["axes.costmap.localization_margin=[0.1,0.2]"]
     settings = [part for word in words for part in ("--set", word)]

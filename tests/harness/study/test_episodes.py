@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.harness.study.here import BRIEF, HEAD, written
 from tests.harness.viewer.test_rerun_view import entities
 from wayproof.harness.cli.main import main
 from wayproof.harness.errors import InputError
@@ -17,26 +18,13 @@ from wayproof.harness.study.plan import plan_episodes
 from wayproof.harness.study.store import Store
 from wayproof.harness.study.study import run_study
 
-STUDY = """
-name = "listed"
-worlds = ["empty"]
-robots = ["drone"]
-seeds = 1
-[set]
-"episode.time_limit" = 1
-"map.resolution" = 0.2
-[perturbations]
-pose_drift = [3]
-motion = [2]
-"""
-
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A study of which one episode ran, its twin failed to, and one is under way."""
     folder = tmp_path_factory.mktemp("study")
-    (folder / "study.toml").write_text(STUDY)
-    study = read_study(str(folder / "study.toml"))
+    perturbed = "[perturbations]\npose_drift = [3]\nmotion = [2]\n"
+    study = read_study(written(folder, f"{HEAD}seeds = 1{BRIEF}{perturbed}"))
     store = Store(folder / "out")
     planned = plan_episodes(study)
 
@@ -76,9 +64,7 @@ def test_an_episode_in_error_is_failed_and_has_no_log(folder: Path) -> None:
         error.unlink()
 
 
-def test_logs_of_no_planned_episode_are_counted(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_logs_of_no_planned_episode_are_counted(folder, capsys):
     assert unplanned_in_words(folder) == ""
     other = folder / "logs" / "of_another_version.mcap"
     other.touch()
@@ -96,9 +82,7 @@ def test_other_numbers_are_bad_input(folder: Path, number: int) -> None:
         find_entry(folder, entries_of(folder), number)
 
 
-def test_the_list_is_printed_and_one_is_shown_beside_its_twin(
-    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_list_is_printed_and_one_is_shown_beside_its_twin(folder, tmp_path, capsys):
     pytest.importorskip("rerun")
     assert main(["view", str(folder)]) == 0
     out = capsys.readouterr().out
@@ -126,14 +110,7 @@ def test_the_list_is_printed_and_one_is_shown_beside_its_twin(
         (["none.mcap", "--live", "--save", "x.rrd"], "expected one that is being written"),
     ],
 )
-def test_bad_input_is_a_line(
-    folder: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-    arguments: list[str],
-    said: str,
-) -> None:
+def test_bad_input_is_a_line(folder, tmp_path, monkeypatch, capsys, arguments, said):
     pytest.importorskip("rerun")
     monkeypatch.chdir(tmp_path)
     named = {"FOLDER": str(folder), "LOG": entries_of(folder)[0].log}

@@ -3,32 +3,23 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 
 import msgspec
 import numpy as np
 import pytest
 
+from tests.harness.study.here import answer, pretend, refuse
 from wayproof.harness.cli.main import main
-from wayproof.harness.config import Config
 from wayproof.harness.config_document import from_json, override
-from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log
-from wayproof.harness.log.writer import LogWriter
 from wayproof.harness.perturbations import AnyPerturbation, perturbation_from
-from wayproof.harness.scenario.scenario import build
-from wayproof.harness.study.contents import contents_of
-from wayproof.harness.study.falsify import Falsification, Hunt, Space, falsification_of
-from wayproof.harness.study.file import FalsifyOptions, StudyFile, read_study
-from wayproof.harness.study.job import Done, Job
-from wayproof.harness.study.plan import Planned, plan_episodes
-from wayproof.harness.study.processes import Finished
+from wayproof.harness.study.falsify import Hunt, Space, falsification_of
+from wayproof.harness.study.file import FalsifyOptions, StudyFile
+from wayproof.harness.study.plan import plan_episodes
 from wayproof.harness.study.search import Steps, Trial
-from wayproof.harness.study.store import Store
-from wayproof.harness.study.study import Engine, answers_of, run_missing
 
-MISSION = build(Config("empty", "drone", 0)).mission.to_json()
 JUMPS = Space("pose_jump", latest=4.0, length=1.0)
 STUDY = StudyFile(
     name="fall",
@@ -61,7 +52,6 @@ def gap_of(one: AnyPerturbation) -> Trial:
 
     Its robustness is the distance from that corner, in parts of the space.
     """
-    assert one.window is not None
     direction = getattr(one, "direction", 0.0)
     gap = np.abs([one.window[0] - 1.7, one.severity - 4.0, direction - 120.0]) / [4.0, 5.0, 360]
     return Trial(one, bool((gap < 0.06).all()), float(np.linalg.norm(gap)))
@@ -83,7 +73,6 @@ def test_a_budget_is_kept_and_the_nearest_returned() -> None:
     hunt = Hunt(EPISODE, "pose_jump", FalsifyOptions(budget=30, seed=1))
     ran = driven(hunt.search(JUMPS), lambda one: Trial(one, False, one.severity))
     assert (hunt.episodes, len(ran), hunt.failing) == (30, 30, None)
-    assert hunt.nearest is not None
     assert hunt.nearest.clearance == min(one.clearance for one in ran)
 
 
@@ -98,10 +87,7 @@ def test_a_trigger_is_cut_down_to_its_window() -> None:
     assert whole.failed
     hunt = Hunt(EPISODE, "pose_jump", FalsifyOptions(), failing=whole, shortest=whole)
     driven(hunt.shorten(), off_at)
-    assert hunt.shortest is not None
     assert hunt.shortest.failed
-    assert hunt.shortest.perturbation is not None
-    assert hunt.shortest.perturbation.window is not None
     begin, end = hunt.shortest.perturbation.window
     assert begin <= 1.8 < end <= begin + 0.1
     assert hunt.cuts <= 10
@@ -113,65 +99,34 @@ def test_points_are_perturbations_within_the_bounds() -> None:
     assert list(Space("rate", 4.0, 1.0).parameters) == ["begin", "severity"]
 
 
-def pretended(jobs: Sequence[Job], stacks: Sequence[bytes], finished: Finished) -> None:
+def pretended(jobs, stacks, finished):
     """An engine whose episodes of 4 s fall if the pose is off by 0.3 m or more at 2 s."""
     for job in jobs:
-        config = from_json(job.config)
-        one = config.perturbation
+        one = from_json(job.config).perturbation
         off = one is not None and one.amount >= 0.3 and one.is_active(2 * 10**9)
-        result = {
-            "outcome": "fall" if off else "success",
-            "reason": "tilted" if off else "there",
-            "chain": "",
-            "sim_time_s": "4.0",
-            "min_clearance_m": "0.1" if off else "0.5",
-        }
-        with LogWriter(job.log, job.config, MISSION, "<mujoco/>") as log:
-            log.finish(result)
-        finished(Done(job.key))
-
-
-def refuse(jobs: Sequence[Job], *_: object) -> None:
-    """An engine for what needs none."""
-    raise AssertionError(f"{len(jobs)} episodes run again")
-
-
-def falsified(folder: Path, engine: Engine, study: StudyFile = STUDY) -> Falsification:
-    store = Store(folder)
-
-    def run(some: Sequence[Planned]) -> None:
-        run_missing(some, store, engine, lambda done: None)
-
-    with store.open():
-        [found] = answers_of(study, plan_episodes(study), store, contents_of([]), run=run)
-    assert isinstance(found, Falsification)
-    return found
+        outcome, clearance = ("fall", "0.1") if off else ("success", "0.5")
+        finished(pretend(job, outcome, sim_time_s="4.0", min_clearance_m=clearance))
 
 
 def test_a_failing_log_is_named_and_the_one_of_the_shortest_window(tmp_path: Path) -> None:
-    found = falsified(tmp_path, pretended)
+    found = answer(STUDY, tmp_path, pretended)
     assert found.exit_code == 1
-    assert found.failing is not None
-    assert found.shortest is not None
-    assert (found.failing.outcome, found.failing.reason) == ("fall", "tilted")
+    assert (found.failing.outcome, found.failing.reason) == ("fall", "fall")
     assert found.episodes + found.cuts + 1 >= len(list((tmp_path / "logs").glob("*.mcap")))
     for tried in (found.failing, found.shortest):
         assert open_log(Path(tried.log)).config.perturbation == tried.perturbation
-    assert found.shortest.perturbation is not None
     window = found.shortest.perturbation.window
-    assert window is not None
     assert window[0] <= 2.0 < window[1] <= window[0] + 0.1
     setting = override(EPISODE.config, [f"perturbation={found.setting}"])
     assert setting.perturbation == found.shortest.perturbation
-    assert falsified(tmp_path, refuse) == found
+    assert answer(STUDY, tmp_path, refuse) == found
 
 
 def test_a_search_that_finds_nothing_tells_the_nearest(tmp_path: Path) -> None:
     options = FalsifyOptions(window=1.0, budget=10)
     study = msgspec.structs.replace(STUDY, perturbations={"latency": []}, falsify=options)
-    found = falsified(tmp_path, pretended, study)
+    found = answer(study, tmp_path, pretended)
     assert (found.failing, found.episodes, found.exit_code) == (None, 10, 0)
-    assert found.nearest is not None
     assert found.nearest.clearance == 0.5
 
 
@@ -184,25 +139,8 @@ def test_a_search_that_finds_nothing_says_where_its_clearance_is_a_bound() -> No
         assert "no rate follows" in words
 
 
-@pytest.mark.parametrize(
-    ("settings", "said"),
-    [
-        (["perturbations=pose_jump:5"], "the search chooses the severity"),
-        (["perturbations=slip"], "acts all the time"),
-        (["falsify.greatest=0"], "Expected `float` > 0.05"),
-        (["kind=threshold", "perturbations.rate:3=[]"], "rate:3': the search chooses"),
-        (["perturbations={}"], "no \\[perturbations\\] to search"),
-        (["worlds"], "expected NAME=VALUE"),
-    ],
-)
-def test_what_is_looked_for_is_not_given(settings: list[str], said: str) -> None:
-    with pytest.raises(InputError, match=said):
-        read_study("falsify", settings=settings)
-
-
-def test_a_study_of_this_kind_says_what_it_cannot_search(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+@pytest.mark.usefixtures("in_this_process")
+def test_a_study_of_this_kind_says_what_it_cannot_search(tmp_path, capsys):
     words = "worlds=empty seeds=[1] perturbations=latency falsify.budget=1 goal=[5.4,1.65]".split()
     settings = [part for word in words for part in ("--set", word)]
     settings += ["--jobs", "1", "--out", str(tmp_path / "out"), "--json"]

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 import re
 from pathlib import Path
 
 import pytest
 
-from tests.harness.study.here import paired
+from tests.harness.study.here import ARM, HEAD, paired, row, written
 from wayproof.harness.cli.main import main
-from wayproof.harness.metrics import METRICS
 from wayproof.harness.study.analysis import samples_between, samples_of
 from wayproof.harness.study.contents import contents_of
 from wayproof.harness.study.file import PACKAGED, files_of, read_study
@@ -23,26 +23,7 @@ from wayproof.harness.study.rows import Row
 from wayproof.harness.study.store import Store
 from wayproof.harness.study.study import conclude, verdict_in_words
 
-ARM = Arm("warehouse", "drone", "", "none", 0)
-
-
-STUDY = """
-name = "hard"
-worlds = ["empty"]
-robots = ["drone"]
-seeds = 2
-gates = ["success.mean >= 0.1"]
-"""
-
-
-def row(seed: int, arm: Arm = ARM, outcome: str = "success", **metrics: float | None) -> Row:
-    known = {
-        **dict.fromkeys(METRICS),
-        "success": float(outcome == "success"),
-        "collisions": 0.0,
-        **metrics,
-    }
-    return Row(f"{arm}{seed}", arm, seed, outcome, "", "", "", 6.0, known, ())
+GATED = 'seeds = 2\ngates = ["success.mean >= 0.1"]\n'
 
 
 def judged(gate: str, rows: list[Row], time_limit: float = 60.0) -> GateResult:
@@ -82,14 +63,30 @@ def test_a_single_collision_refutes_that_there_are_none() -> None:
     assert result_of(rows, "collisions.mean <= 0").exit_code() == 1
 
 
-def test_no_event_in_enough_worlds_holds_a_margin() -> None:
-    gate = "collisions.mean <= 0.1"
+@pytest.mark.parametrize(
+    ("gate", "shown"), [("collisions.mean <= 0.1", "held"), ("success.mean >= 0.9", "held"),
+                        ("collisions.mean >= 0.1", "failed"), ("success.mean <= 0.9", "failed")],
+)  # fmt: skip
+def test_no_event_in_enough_worlds_decides_a_margin(gate: str, shown: str) -> None:
+    """A tenth on either side of the estimate, whichever side the gate is on."""
     few = judged(gate, [row(k) for k in range(20)])
     assert few.verdict == "inconclusive"
     assert few.worlds_needed == 36  # 0.9^35 = 0.02503, just more than 0.025
-    assert "about 36 worlds would show it held" in gate_in_words(few)
+    assert f"about 36 worlds would show it {shown}" in gate_in_words(few)
     assert judged(gate, [row(k) for k in range(35)]).verdict == "inconclusive"
-    assert judged(gate, [row(k) for k in range(36)]).verdict == "held"
+    assert judged(gate, [row(k) for k in range(36)]).verdict == shown
+
+
+@pytest.mark.parametrize("bound", ["<= 0.3", ">= 0.3", "<= 0.7", ">= 0.7"])
+def test_the_worlds_that_are_needed_grow_with_the_square_of_what_is_short(bound: str) -> None:
+    """Half of 16 succeed: of 0.3 and 0.7 the estimate is 0.2 away, the end that decides farther."""
+    rows = [row(k, outcome="success" if k % 2 else "timeout") for k in range(16)]
+    result = judged(f"success.mean {bound}", rows)
+    assert result.interval is not None
+    end = result.interval.high if "0.7" in bound else result.interval.low
+    assert result.verdict == "inconclusive"
+    assert abs(end - 0.5) > 0.2
+    assert result.worlds_needed == math.ceil(16 * (abs(end - 0.5) / 0.2) ** 2)
 
 
 @pytest.mark.parametrize(("metric", "value"), [("success", 1.0), ("collisions", 0.0)])
@@ -124,24 +121,20 @@ def test_all_gates_share_their_error() -> None:
     assert "simultaneous 95 % over 20 gates" in gate_in_words(many[0])
 
 
-def test_seeds_of_one_imported_world_are_one_world() -> None:
-    one = dataclasses.replace(ARM, world="yard.xml")
-    result = judged("success.mean >= 0.5", [row(k, one) for k in range(50)])
-    assert (result.verdict, result.worlds) == ("inconclusive", 1)
-
-
-def test_copies_of_one_world_are_one_world() -> None:
-    arms = [dataclasses.replace(ARM, world=f"yard{k}.xml") for k in range(12)]
-    rows = [dataclasses.replace(row(0, arm), world="the same shape") for arm in arms]
+@pytest.mark.parametrize(
+    ("count", "seeds", "digest", "worlds", "verdict"),
+    [
+        (1, 50, "", 1, "inconclusive"),  # seeds of one imported world are one world
+        (12, 1, "the same shape", 1, "inconclusive"),  # and so are copies of it
+        (12, 3, "", 12, "held"),
+    ],
+)
+def test_imported_worlds_are_judged_together_by_their_shapes(count, seeds, digest, worlds, verdict):
+    arms = [dataclasses.replace(ARM, world=f"yard{k}.xml") for k in range(count)]
+    rows = [row(k, arm, world=digest) for arm in arms for k in range(seeds)]
     result = judged("success.mean >= 0.5", rows)
-    assert (result.verdict, result.worlds) == ("inconclusive", 1)
-
-
-def test_imported_worlds_are_judged_together() -> None:
-    arms = [dataclasses.replace(ARM, world=f"yard{k}.xml") for k in range(12)]
-    result = judged("success.mean >= 0.5", [row(k, arm) for arm in arms for k in range(3)])
-    assert (result.verdict, result.worlds) == ("held", 12)
-    assert "12 imported worlds drone" in gate_in_words(result)
+    assert (result.verdict, result.worlds) == (verdict, worlds)
+    assert count == 1 or "12 imported worlds drone" in gate_in_words(result)
 
 
 def test_episodes_that_did_not_run_are_no_evidence() -> None:
@@ -195,49 +188,16 @@ def test_an_arm_without_its_partner_is_inconclusive() -> None:
     assert "no episode has this figure" in gate_in_words(result)
 
 
-def written(folder: Path, text: str = STUDY) -> list[str]:
-    (folder / "hard.toml").write_text(text)
-    return ["study", str(folder / "hard.toml"), "--out", str(folder / "out")]
-
-
-@pytest.mark.parametrize(
-    ("text", "options", "message"),
-    [
-        (STUDY.replace('"empty"', '"emty"'), [], "unknown world of study 'hard' 'emty'; did you"),
-        (STUDY.replace('"drone"', '"dron"'), [], "unknown robot of study 'hard' 'dron'; did you"),
-        (STUDY.replace("success.mean >=", "success.drop <="), [], "difference needs pairs"),
-        (STUDY.replace("success.mean >=", "collisions.rise <="), [], "difference needs pairs"),
-        (STUDY + '[axes]\n"planner.name" = ["rrtstr"]', [], "did you mean 'rrtstar'"),
-        (STUDY.replace("0.1", "1e999"), [], "expected a number"),
-        (STUDY, ["--jobs", "0"], "--jobs 0: expected at least 1"),
-        (STUDY, ["--engine", "foo"], "unknown engine 'foo'"),
-    ],
-)
-def test_bad_studies_are_refused_before_anything_runs(
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    text: str,
-    options: list[str],
-    message: str,
-) -> None:
-    assert main([*written(tmp_path, text), *options]) == 2
-    printed = capsys.readouterr()
-    assert message in printed.err
-    assert printed.out == ""
-    assert not (tmp_path / "out").exists()
-
-
 def test_a_study_in_which_nothing_ran_is_not_green(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    arguments = written(tmp_path)
     store = Store(tmp_path / "out")
-    study = read_study(arguments[1])
+    study = read_study(written(tmp_path, HEAD + GATED))
     with store.open():
         for one in plan_episodes(study):
             store.record_error(one.key, "the planner could not be loaded")
         store.keep_study(study, contents_of(files_of(study)))
-    assert main(arguments) == 3
+    assert main(["study", str(tmp_path / "study.toml"), "--out", str(store.folder)]) == 3
     printed = capsys.readouterr().out
     first = "2 failed to run, first empty drone, seed 0: the planner could not be loaded"
     assert f"verdict: incomplete: 0 of 0 episodes reached the goal; {first}" in printed
@@ -252,7 +212,7 @@ def test_a_study_in_which_nothing_ran_is_not_green(
 
 
 def test_a_failed_gate_comes_after_missing_episodes(tmp_path: Path) -> None:
-    study = read_study(written(tmp_path, STUDY.replace("0.1", "0.9"))[1])
+    study = read_study(written(tmp_path, HEAD + GATED.replace("0.1", "0.9")))
     planned = plan_episodes(study)
     arm = planned[0].arm
     lost = [row(k, arm, "timeout") for k in range(2)]

@@ -60,14 +60,16 @@ def test_a_long_body_goes_through_a_gap_in_which_it_cannot_turn(here):
     assert replay(here / "a.mcap").identical
 
 
-def test_a_stack_on_trial_drives_barn_and_is_scored(here, capsys):
+@pytest.mark.usefixtures("in_this_process")
+def test_a_stack_on_trial_drives_in_barn_and_is_scored(here, capsys):
     folder = barn_folder(here, gap=3.0)
     words = ["study", "barn", "--set", f"import.folder={folder}", "--set", "seeds=1", "--jobs", "1"]
     words += ["--set", "stacks=blind", "--set", 'gates=["barn_score.mean >= 0.4"]', "--out", "out"]
+    words += ["--set", "episode.time_limit=1"]
     assert main([*words, "--allow-inconclusive", "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
     (arm,) = document["arms"]
-    assert arm["outcomes"] == {"success": 1}
+    assert (arm["outcomes"], arm["metrics"]["barn_score"]) == ({"timeout": 1}, 0.0)
     (log,) = (here / "out" / "logs").glob("*.mcap")
     assert open_log(log).config.stack.name == "blind"
     assert Store(here / "out").read_study().worlds == ["worlds/barn/world_7.xml"]

@@ -3,37 +3,29 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from tests.harness.study.here import run_here
-from tests.harness.study.test_gates import judged, row
+from tests.harness.study import here
+from tests.harness.study.here import HEAD, paired, row, run_here
+from tests.harness.study.test_gates import judged
 from wayproof.harness.cli.main import main
 from wayproof.harness.errors import InputError
 from wayproof.harness.statistics.sequential import evidence, mean_sequence, median_sequence
+from wayproof.harness.study.analysis import samples_of
 from wayproof.harness.study.file import StudyFile, read_study, seeds_of
 from wayproof.harness.study.gate import SequentialGate, read_gate
-from wayproof.harness.study.gates import gate_in_words, verdict_of
-from wayproof.harness.study.looks import continued, run_until_decided, saved_in_words
+from wayproof.harness.study.gates import gate_in_words, judge, verdict_of
+from wayproof.harness.study.looks import continued, run_until_decided
 from wayproof.harness.study.plan import Planned, plan_episodes
 from wayproof.harness.study.result import StudyResult
 from wayproof.harness.study.store import Store
 from wayproof.harness.study.study import run_study
 from wayproof.models.world_files.options import Ends, Found
 from wayproof.models.world_files.world_file import world_text
-
-STUDY = """
-name = "looked"
-worlds = ["empty"]
-robots = ["drone"]
-seeds = 2
-gates = ["success.mean >= 0.5"]
-[set]
-"episode.time_limit" = 0.5
-"map.resolution" = 0.2
-"""
 
 
 def test_the_capital_of_a_mixture_by_hand() -> None:
@@ -72,6 +64,17 @@ def test_a_decision_is_never_taken_back() -> None:
     assert verdicts == ["inconclusive", "held", "held", "held"]
 
 
+@pytest.mark.parametrize("bound", ["<= 0.3", ">= 0.3", "<= 0.7", ">= 0.7"])
+def test_the_worlds_needed_at_any_look_are_the_same_on_either_side(bound: str) -> None:
+    """Half of 16 succeed, 0.2 beside the bound: the evidence has to grow to that of 1 in 40."""
+    rows = [row(k, outcome="success" if k % 2 else "timeout") for k in range(16)]
+    wins = np.arange(16) % 2.0
+    [result] = judge(samples_of(paired(rows)), [read_gate(f"success.mean {bound}", SequentialGate)])
+    grown = max(float(evidence(wins, 0.3)[-1]), 16 * 0.2**2 / 2)
+    assert result.verdict == "inconclusive"
+    assert result.worlds_needed == math.ceil(16 * math.log(40) / grown)
+
+
 @pytest.mark.parametrize(
     ("gate", "figures", "words"),
     [
@@ -92,21 +95,31 @@ def test_a_gate_says_what_it_bounds(
     assert result.verdict == "held"
 
 
+STUDY = f"""{HEAD}
+seeds = 2
+gates = ["success.mean >= 0.5"]
+[set]
+"episode.time_limit" = 0.5
+"map.resolution" = 0.2
+"""
+
+
+def written(folder: Path, *settings: str) -> StudyFile:
+    return read_study(here.written(folder, STUDY), settings=settings)
+
+
 def ran(study: StudyFile, store: Store) -> StudyResult:
     return run_study(study, plan_episodes(study), store, run_here, lambda done: None)
 
 
-def written(folder: Path, *settings: str) -> StudyFile:
-    (folder / "looked.toml").write_text(STUDY)
-    return read_study(str(folder / "looked.toml"), settings=settings)
-
-
-def test_seeds_added_after_a_look_make_gates_sequential_from_their_start(tmp_path: Path) -> None:
+def test_seeds_added_after_a_look_make_gates_sequential_and_none_may_go(tmp_path: Path) -> None:
     store = Store(tmp_path / "out")
     study = written(tmp_path)
     assert continued(study, store) == study
     [first] = ran(study, store).gates
     assert (first.sequential, continued(study, store)) == (False, study)
+    with pytest.raises(InputError, match="judged over 2 seeds, so that 1 of them are a choice"):
+        continued(written(tmp_path, "seeds=[1]"), store)
     more = continued(written(tmp_path, "seeds=[7, 1, 0]"), store)
     assert (more.sequential, seeds_of(more)) == (True, [0, 1, 7])
     [second] = ran(more, store).gates
@@ -115,36 +128,9 @@ def test_seeds_added_after_a_look_make_gates_sequential_from_their_start(tmp_pat
     assert not continued(written(tmp_path, "episode.time_limit=0.6"), store).sequential
 
 
-def test_fewer_seeds_than_were_judged_are_refused(tmp_path: Path) -> None:
-    store = Store(tmp_path / "out")
-    ran(written(tmp_path), store)
-    with pytest.raises(InputError, match="judged over 2 seeds, so that 1 of them are a choice"):
-        continued(written(tmp_path, "seeds=[1]"), store)
-
-
-def test_a_study_adds_seeds_until_it_is_decided(tmp_path: Path) -> None:
-    """No drone arrives within half a second: seven failures show a rate below one half."""
-    store, sizes = Store(tmp_path / "out"), []
-
-    def run(study: StudyFile, planned: list[Planned]) -> StudyResult:
-        sizes.append(len(planned))
-        return ran(study, store)
-
-    study = written(tmp_path)
-    result = run_until_decided(study, store, at_most=50, jobs=1, run=run)
-    assert (result.verdict, sizes) == ("failed", [5, 6, 7])
-    saved = saved_in_words(study, result, at_most=50)
-    assert saved == "decided by 7 of at most 50 seeds: 43 episodes saved"
-    assert run_until_decided(study, store, at_most=50, jobs=1, run=run).verdict == "failed"
-    with pytest.raises(InputError, match="at least the 7 seeds"):
-        run_until_decided(study, store, at_most=6, jobs=1, run=run)
-
-
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (["--at-most", "0"], "expected at least 1"),
-        (["--set", "gates=[]"], "expected a study with gates"),
         (["--shard", "1/2"], "of a whole study"),
         (["--set", 'worlds=["yard.xml"]'], "is the same world"),
     ],
@@ -153,20 +139,31 @@ def test_what_seeds_cannot_decide_is_refused_in_a_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], options: list[str], said: str
 ) -> None:
     written(tmp_path)
-    file, out = str(tmp_path / "looked.toml"), str(tmp_path / "out")
+    file, out = str(tmp_path / "study.toml"), str(tmp_path / "out")
     assert main(["study", file, "--out", out, "--until-decided", *options]) == 2
     [line] = capsys.readouterr().err.splitlines()
     assert said in line
 
 
-def test_the_command_says_what_it_saved(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    written(tmp_path)
-    file, out = str(tmp_path / "looked.toml"), str(tmp_path / "out")
+def test_a_study_adds_seeds_until_it_is_decided(tmp_path: Path, capsys) -> None:
+    """No drone arrives within half a second: seven failures show a rate below one half."""
+    study = written(tmp_path)
+    file, out = str(tmp_path / "study.toml"), str(tmp_path / "out")
     command = ["study", file, "--out", out, "--until-decided", "--at-most", "20", "--jobs", "1"]
     assert main(command) == 1
     assert "decided by 7 of at most 20 seeds: 13 episodes saved" in capsys.readouterr().out
     kept = json.loads((tmp_path / "out" / "study.json").read_text())
     assert (kept["sequential"], kept["seeds"]) == (True, list(range(7)))
+    store, sizes = Store(tmp_path / "out"), []
+
+    def run(study: StudyFile, planned: list[Planned]) -> StudyResult:
+        sizes.append(len(planned))
+        return ran(study, store)
+
+    assert run_until_decided(study, store, at_most=50, jobs=1, run=run).verdict == "failed"
+    assert sizes == [7]  # what was decided stays so
+    with pytest.raises(InputError, match="at least the 7 seeds"):
+        run_until_decided(study, store, at_most=6, jobs=1, run=run)
 
 
 def test_files_and_their_seeds_are_set_before_the_first_look(tmp_path: Path) -> None:

@@ -7,37 +7,21 @@ import sys
 import pyarrow.parquet as pq
 import pytest
 
-from tests.harness.study.here import paired, run_here
+from tests.harness.study.here import BRIEF, HEAD, paired, row, run_here, written
 from wayproof.harness.cli.main import main
 from wayproof.harness.config import Config
 from wayproof.harness.config_document import override
-from wayproof.harness.errors import InputError
 from wayproof.harness.log.machine import code_digest
 from wayproof.harness.log.reader import open_log
-from wayproof.harness.metrics import METRICS
-from wayproof.harness.statistics.exact import Interval
 from wayproof.harness.study.analysis import samples_of
 from wayproof.harness.study.compare import compare, differences_of, read_folder
 from wayproof.harness.study.contents import contents_of, named_by
 from wayproof.harness.study.file import read_study
 from wayproof.harness.study.job import episode_key
 from wayproof.harness.study.plan import Arm, plan_episodes, reference_of
-from wayproof.harness.study.report.charts import COLOURS, Curve, bars_chart
 from wayproof.harness.study.report.sections import stacks_section
-from wayproof.harness.study.rows import Row
 from wayproof.harness.study.store import Store
 from wayproof.harness.study.study import run_study, verdict_in_words
-
-STUDY = """
-name = "stacks"
-worlds = ["empty"]
-robots = ["drone"]
-stacks = [{stacks}]
-seeds = [1, 2]
-[set]
-"episode.time_limit" = {limit}
-"map.resolution" = 0.2
-"""
 
 STACK = """
 from wayproof.harness.interface.types import Command, Waypoints
@@ -55,16 +39,22 @@ class Mine:
 """
 
 
-def planned(folder, *stacks, limit=1, more=""):
-    path = folder / "study.toml"
-    names = ", ".join(json.dumps(one) for one in stacks)
-    path.write_text(STUDY.format(stacks=names, limit=limit) + more)
-    study = read_study(str(path), allow_plugins=True)
+CRASHES = STACK.replace("return Command(Waypoints([self.goal], {speed}))", 'raise KeyError("map")')
+
+NEAR = '"start" = [3.0, 3.0]\n"goal" = [5.0, 3.0]\n'
+"""Ends that a drone flies between in two seconds."""
+
+
+def planned(folder, *stacks, limit=1, more="", seeds="[1, 2]"):
+    names = f"stacks = {json.dumps(stacks)}\nseeds = {seeds}"
+    brief = BRIEF.replace("= 1\n", f"= {limit}\n")
+    study = read_study(written(folder, f"{HEAD}{names}{brief}{more}"), allow_plugins=True)
     return study, plan_episodes(study)
 
 
 def ran(folder, *stacks, limit=1, more=""):
     """Run a study and return its folder."""
+    folder.mkdir(exist_ok=True)
     study, episodes = planned(folder, *stacks, limit=limit, more=more)
     store = Store(folder / "out")
     result = run_study(study, episodes, store, run_here, lambda done: None)
@@ -105,33 +95,6 @@ def test_a_stack_of_ones_own_counts_by_the_content_of_its_file(tmp_path):
     assert not set(keys("a", 0.6)) & set(first)
 
 
-@pytest.mark.parametrize(
-    ("stacks", "more", "message"),
-    [
-        (["gpa"], "", "unknown stack of study 'stacks' 'gpa'; did you mean 'gap'?"),
-        (["no/file.py:Mine"], "[axes]\n'stack.name' = ['gap']", "stacks and stack.name, expected"),
-    ],
-)
-def test_a_wrong_stack_is_one_line_before_anything_runs(tmp_path, stacks, more, message):
-    with pytest.raises(InputError) as caught:
-        planned(tmp_path, *stacks, more=more)
-    assert message in str(caught.value)
-    assert "\n" not in str(caught.value)
-
-
-def test_one_stack_alone_has_no_pairs_for_a_difference(tmp_path):
-    gate = "\n[bounds]\nwall_s = 60\n"
-    path = tmp_path / "study.toml"
-    text = STUDY.format(stacks='"gap"', limit=1).replace(
-        "seeds", 'gates = ["success.drop <= 0"]\nseeds'
-    )
-    path.write_text(text + gate)
-    with pytest.raises(InputError, match="two stacks"):
-        plan_episodes(read_study(str(path)))
-    path.write_text(text.replace('"gap"', '"gap", "dwa"') + gate)
-    assert len(plan_episodes(read_study(str(path)))) == 4
-
-
 def test_references_of_stacks():
     def arm(stack, variant="", perturbation="none", severity=0):
         return Arm("empty", "drone", variant, perturbation, severity, stack)
@@ -147,18 +110,15 @@ def test_references_of_stacks():
 
 
 def test_the_table_of_stacks_by_hand():
-    def row(stack, seed, outcome, **metrics):
-        every = {**dict.fromkeys(METRICS), "success": float(outcome == "success"), **metrics}
+    def ended(stack, seed, outcome, **figures):
         arm = Arm("office", "drone", "", "none", 0, stack)
-        return Row(f"{stack}{seed}", arm, seed, outcome, "", "", "c", 20.0, every, ())
+        return row(seed, arm, outcome, duration=20.0, chain="c", **figures)
 
     rows = [
-        row("builtin", 1, "success", collisions=0.0),
-        row("builtin", 2, "success", collisions=0.0),
-    ]
-    rows += [
-        row("gap", 1, "success", collisions=0.0, not_admitted=0.2, guard_cuts=0.0),
-        row("gap", 2, "collision", collisions=1.0, not_admitted=0.6, guard_cuts=4.0),
+        ended("builtin", 1, "success"),
+        ended("builtin", 2, "success"),
+        ended("gap", 1, "success", not_admitted=0.2, guard_cuts=0.0),
+        ended("gap", 2, "collision", collisions=1.0, not_admitted=0.6, guard_cuts=4.0),
     ]
     table = stacks_section(samples_of(paired(rows, stack="builtin")), 60.0)
     builtin, gap = ([cell.text for cell in cells] for cells in table.cells)
@@ -176,7 +136,14 @@ def test_the_table_of_stacks_by_hand():
 def folder(tmp_path_factory):
     """A study of the built-in stack, a reference stack and one of the user's own."""
     folder = tmp_path_factory.mktemp("stacks")
-    return ran(folder, "builtin", "blind", built(folder, 0.5), limit=2)
+    return ran(folder, "builtin", "blind", built(folder, 0.5))
+
+
+@pytest.fixture(scope="module")
+def before(tmp_path_factory):
+    """A study of one stack that reaches its goals."""
+    place = tmp_path_factory.mktemp("before")
+    return ran(place, built(place, 2.0), limit=4, more=NEAR)
 
 
 def test_stacks_run_and_the_report_tabulates_them(folder, capsys):
@@ -197,91 +164,56 @@ def test_stacks_run_and_the_report_tabulates_them(folder, capsys):
     assert "not_admitted" in table.column_names
 
 
-def test_a_build_of_a_stack_is_gated_against_the_one_before(tmp_path, capsys):
+def test_a_build_of_a_stack_is_gated_against_the_one_before(before, tmp_path, capsys):
     """A build that is slower than the time limit allows, from another file of the same name."""
     gate = ["success.drop <= 0.9", "success.mean >= 0.2"]
-    folders = []
-    for name, speed in (("before", 2.0), ("after", 0.1)):
-        place = tmp_path / name
-        place.mkdir()
-        folders.append(ran(place, built(place, speed), limit=15))
-    result = compare(*folders, gate, allow_plugins=True).result
+    after = ran(tmp_path / "after", built(tmp_path / "after", 0.1), limit=4, more=NEAR)
+    result = compare(before, after, gate, allow_plugins=True).result
     [arm] = result.arms
     assert arm.arm.stack.endswith("after/mine.py:Mine")
     assert (arm.against.pairs, arm.against.lost) == (2, (1, 2))
     assert arm.against.drop.estimate == 1.0
     assert result.missing == 0
-    same = compare(folders[0], folders[0], gate, allow_plugins=True).result
+    same = compare(before, before, gate, allow_plugins=True).result
     assert same.arms[0].against.changed == 0
-    command = ["compare", *map(str, folders), "--allow-plugins", "--gate", "success.mean >= 0.99"]
-    assert main(command) == 1
+    command = ["compare", str(before), str(after), "--allow-plugins"]
+    assert main([*command, "--gate", "success.mean >= 0.99"]) == 1
     assert "lost 2, won 0" in " ".join(capsys.readouterr().out.split())
 
 
-def test_times_are_bounded_by_the_longer_of_two_time_limits(tmp_path):
-    """By the shorter one, times of the other study would lie beyond the bound on any time."""
-    folders = []
-    for limit in (2, 1):
-        place = tmp_path / str(limit)
-        place.mkdir()
-        folders.append(ran(place, "gap", limit=limit))
-    for before, after in (folders, folders[::-1]):
-        compared = compare(before, after, ["success.drop <= 0.1"])
-        assert compared.time_limit == 2.0
-        [difference] = compared.result.differences
-        assert difference.startswith("episode.time_limit (")
-        assert f"the folders differ in {difference}. " in verdict_in_words(compared.result)
-
-
-def test_folders_of_two_builds_of_wayproof_are_compared_as_such(tmp_path):
-    read = read_folder(ran(tmp_path, "gap"), allow_plugins=False)
-    other = dataclasses.replace(read, contents={"wayproof": "0123456789abcdef"})
-    [difference] = differences_of(other, read, renamed=False)
-    assert difference == f"code of Wayproof (0123456789abcdef -> {code_digest()})"
-    assert differences_of(read, read, renamed=False) == ()
-
-
-def test_the_packaged_study_of_stacks():
-    study = read_study("stacks")
-    episodes = plan_episodes(study)
-    assert {one.arm.stack for one in episodes} == {"builtin", "blind", "gap", "dwa"}
-    assert len(episodes) == 4 * 4 * 2 * study.seeds
-
-
-CRASHES = """
-class Mine:
-    def start(self, task):
-        pass
-
-    def step(self, observation):
-        raise KeyError("map")
-
-    def close(self):
-        pass
-"""
-
-
-def test_a_build_that_fails_in_its_first_decision_has_failed_and_not_passed(tmp_path, capsys):
-    folders = []
-    for name in ("before", "after"):
-        place = tmp_path / name
-        stack = built(place, 2.0)
-        if name == "after":
-            (place / "mine.py").write_text(CRASHES)
-        folders.append(ran(place, stack, limit=15))
-    result = compare(*folders, ["success.drop <= 0.1"], allow_plugins=True).result
+def test_a_build_that_fails_in_its_first_decision_has_failed_and_not_passed(before, tmp_path):
+    place = tmp_path / "after"
+    stack = built(place, 2.0)
+    (place / "mine.py").write_text(CRASHES)
+    after = ran(place, stack, limit=4, more=NEAR)
+    result = compare(before, after, ["success.drop <= 0.1"], allow_plugins=True).result
     [arm] = result.arms
     assert arm.against.lost == (1, 2)
     assert dict(arm.outcomes) == {"error": 2}
     [gate] = result.gates
     assert gate.verdict != "held"  # two pairs show no more
     assert result.exit_code(allow_inconclusive=False) != 0
-    assert main(["report", str(folders[1]), "--allow-plugins"]) == 0
-    assert "KeyError" in (folders[1] / "report.html").read_text()
-    capsys.readouterr()
+    assert main(["report", str(after), "--allow-plugins"]) == 0
+    assert "KeyError" in (after / "report.html").read_text()
 
 
-RAISES_IN_START = CRASHES.replace("pass", 'raise KeyError("weights")', 1)
+def test_differences_between_two_folders_are_named(tmp_path):
+    """Times are bounded by the longer limit: by the shorter, the other's would lie beyond."""
+    folders = [ran(tmp_path / str(limit), "gap", limit=limit) for limit in (0.5, 1)]
+    for before, after in (folders, folders[::-1]):
+        compared = compare(before, after, ["success.drop <= 0.1"])
+        assert compared.time_limit == 1.0
+        [difference] = compared.result.differences
+        assert difference.startswith("episode.time_limit (")
+        assert f"the folders differ in {difference}. " in verdict_in_words(compared.result)
+    read = read_folder(folders[0], allow_plugins=False)
+    other = dataclasses.replace(read, contents={"wayproof": "0123456789abcdef"})
+    [difference] = differences_of(other, read, renamed=False)
+    assert difference == f"code of Wayproof (0123456789abcdef -> {code_digest()})"
+    assert differences_of(read, read, renamed=False) == ()
+
+
+RAISES_IN_START = STACK.replace("self.goal = task.mission.goal", 'raise KeyError("weights")')
 
 
 def test_a_stack_that_fails_in_its_start_has_failed_in_each_episode(tmp_path):
@@ -289,29 +221,16 @@ def test_a_stack_that_fails_in_its_start_has_failed_in_each_episode(tmp_path):
     here = built(tmp_path, 2.0)
     (tmp_path / "mine.py").write_text(RAISES_IN_START)
     there = f"exec:{sys.executable} -m wayproof serve {here}"
-    study, episodes = planned(tmp_path, here, there)
+    study, episodes = planned(tmp_path, here, there, seeds="[1]")
     store = Store(tmp_path / "out")
     result = run_study(study, episodes, store, run_here, lambda done: None)
     assert (result.missing, result.errors) == (0, 0)
-    assert [dict(one.outcomes) for one in result.arms] == [{"error": 2}, {"error": 2}]
+    assert [dict(one.outcomes) for one in result.arms] == [{"error": 1}, {"error": 1}]
     for one in episodes:
         ended = open_log(store.log(one.key), allow_plugins=True).result
         assert (ended["outcome"], ended["cause"]) == ("error", "plugin_failed")
         assert "KeyError: 'weights'" in ended["reason"]
         assert ended["reason"].endswith("at decision 0")
-
-
-def test_curves_of_stacks_stand_in_one_plot():
-    rate, doses = Interval(0.5, 0.2, 0.8), [(0, 0.0), (1, 0.5), (3, 1.5), (5, 2.5)]
-    names = ("builtin", "gap", "a/mine.py:Mine")
-    curves = [Curve(name, doses, [rate, rate, None, rate]) for name in names]
-    picture = bars_chart(curves, label="pose_drift, %", ylabel="success", top=1.0)
-    for name, colour in zip(names, COLOURS, strict=False):
-        assert f">{name}</text>" in picture
-        assert colour in picture
-    alone = bars_chart([Curve("", doses, [rate] * 4)], label="x", ylabel="success", top=1.0)
-    assert COLOURS[0] in alone
-    assert COLOURS[1] not in alone
 
 
 @pytest.mark.parametrize("setting", ["planner.name", "prediction.source", "stack.name"])

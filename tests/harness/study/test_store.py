@@ -1,4 +1,4 @@
-"""Studies from outside: bounded before they are listed, no code run, no file name believed."""
+"""Logs in the folder of a study: no file name is believed."""
 
 import json
 import re
@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.harness.study.here import BRIEF, HEAD, written
 from wayproof.harness.cli.main import main
 from wayproof.harness.config import Config
 from wayproof.harness.config_document import override
@@ -18,100 +19,14 @@ from wayproof.harness.study.matching import mismatch
 from wayproof.harness.study.plan import CLEAN, Arm, plan_episodes, planned_for
 from wayproof.harness.study.store import Store, merge
 from wayproof.harness.study.study import read_own_rows, read_rows
-from wayproof.models.robots import custom
-
-HEAD = 'name = "outside"\nworlds = ["empty"]\nrobots = ["drone"]\n'
-
-TWO = HEAD + 'seeds = [1, 2]\n[set]\n"episode.time_limit" = 1\n"map.resolution" = 0.2\n'
 
 SHORT = "episode.time_limit=1", "map.resolution=0.2"
-
-
-def values(count):
-    return str([round(0.1 + 0.001 * k, 3) for k in range(count)])
-
-
-def axes(count, *names):
-    return "seeds = 1\n[axes]\n" + "".join(f'"{name}" = {values(count)}\n' for name in names)
-
-
-FOUR = (
-    "costmap.localization_margin",
-    "costmap.cost_range",
-    "behaviour.blend_length",
-    "motion.altitude_low",
-)
-
-TOO_MUCH = {
-    "seeds": ("seeds = 100000000000\n", "100000000000 episodes, expected at most 100000"),
-    "long seeds": ("seeds = " + "9" * 5000 + "\n", "Exceeds the limit"),
-    "no seeds": ("seeds = -3\n", "seeds is empty"),
-    "axes": (axes(200, *FOUR), "1600000000 arms, expected at most 5000"),
-    "severities": (f"seeds = 1\n[perturbations]\nlatency = {values(6000)}\n", "6001 arms"),
-    "both": (axes(60, *FOUR[:2]).replace("seeds = 1", "seeds = 100"), "360000 episodes"),
-    "bytes": (f"seeds = 1\n# {'x' * 2**20}\n", "bytes, expected at most 1048576"),
-    "depth": (f"seeds = {'[' * 50000}{']' * 50000}\n", "nested too deeply"),
-}
-
-
-@pytest.mark.parametrize("name", TOO_MUCH)
-def test_a_study_is_bounded_before_it_is_listed(name, tmp_path, capsys):
-    text, said = TOO_MUCH[name]
-    path = tmp_path / "study.toml"
-    path.write_text(HEAD + text)
-    assert main(["study", str(path), "--out", str(tmp_path / "out")]) == 2
-    [line] = capsys.readouterr().err.splitlines()
-    assert said in line
-    assert not (tmp_path / "out").exists()
-
-
-def test_the_folder_of_a_study_is_bounded_too(tmp_path):
-    store = Store(tmp_path)
-    document = {"name": "a", "worlds": ["empty"], "robots": ["drone"], "seeds": 10**11}
-    store.study.write_text(json.dumps(document))
-    with pytest.raises(InputError, match="100000000000 episodes"):
-        store.read_study()
-    store.study.write_text(json.dumps({**document, "seeds": 1}) + " " * 2**20)
-    with pytest.raises(InputError, match="bytes, expected at most"):
-        store.read_study()
-
-
-SPEC = (Path(custom.__file__).parent / "examples" / "spot.toml").read_text()
-
-CODE = {
-    "set": 'seeds = 1\n[set]\n"planner.name" = "planted:Planner"\n',
-    "axis": 'seeds = 1\n[axes]\n"planner.name" = ["astar", "planted:Planner"]\n',
-    "stack": 'seeds = 1\nstacks = ["builtin", "planted:Stack"]\n',
-    "stack setting": 'seeds = 1\n[set]\n"stack.name" = "exec:touch ran"\n',
-    "robot": "seeds = 1\n",
-    "text": 'seeds = 1\n[set]\n"robot_file" = "controller = \'planted:Controller\'"\n',
-}
-
-
-@pytest.mark.parametrize("name", CODE)
-def test_a_study_file_runs_no_code(name, tmp_path, capsys, monkeypatch):
-    (tmp_path / "planted.py").write_text("open('ran', 'w').close()\n")
-    (tmp_path / "robot.toml").write_text(
-        re.sub('controller = ".*"', 'controller = "planted:Controller"', SPEC)
-    )
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.syspath_prepend(str(tmp_path))
-    text = (HEAD + CODE[name]).replace('"drone"', '"robot.toml"' if name == "robot" else '"drone"')
-    (tmp_path / "study.toml").write_text(text)
-    assert main(["study", "study.toml", "--out", "out"]) == 2
-    [line] = capsys.readouterr().err.splitlines()
-    assert "expected --allow-plugins" in line
-    assert not (tmp_path / "ran").exists()
-    assert not (tmp_path / "out").exists()
-    assert read_study("study.toml", allow_plugins=True).name == "outside"
 
 
 @pytest.fixture
 def finished(tmp_path, recorded):
     """A study of two episodes, and its folder with both logs."""
-    path = tmp_path / "study.toml"
-    path.write_text(TWO)
-    study = read_study(str(path))
+    study = read_study(written(tmp_path, f"{HEAD}seeds = [1, 2]{BRIEF}"))
     store = Store(tmp_path / "out")
     planned = plan_episodes(study)
     with store.open():

@@ -8,12 +8,11 @@ import os
 import signal
 import threading
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from tests.harness.study.here import run_in_processes
+from tests.harness.study.here import SMALL, refuse, run_here, run_in_processes, written
 from wayproof.harness.cli.main import main
 from wayproof.harness.config_document import to_json
 from wayproof.harness.errors import InputError
@@ -25,7 +24,6 @@ from wayproof.harness.log.reader import open_log
 from wayproof.harness.study.analysis import NOTHING_RAN
 from wayproof.harness.study.contents import contents_of
 from wayproof.harness.study.file import files_of, read_study
-from wayproof.harness.study.gate import read_gate
 from wayproof.harness.study.job import Done, Job, run_job
 from wayproof.harness.study.plan import plan_episodes
 from wayproof.harness.study.result import StudyResult
@@ -37,29 +35,11 @@ from wayproof.models.world_files.world_file import world_text
 
 ENDS = Ends((-3.0, -3.0, -0.5), (3.0, 3.0, 3.0), (-2.0, 0.0, 0.0), 0.0, (2.0, 0.0, 0.0))
 
-SHORT = """
-name = "short"
-worlds = ["empty"]
-robots = ["drone"]
-seeds = 2
-gates = ["success.drop <= 0"]
-[set]
-"episode.time_limit" = 1
-"map.resolution" = 0.2
-[axes]
-"costmap.unknown_policy" = ["forbid", "allow"]
-"""
+
+SHORT = SMALL.replace("seeds", 'gates = ["success.drop <= 0"]\nseeds')
+SHORT += '[axes]\n"costmap.unknown_policy" = ["forbid", "allow"]\n'
 
 Engine = functools.partial(run_in_processes, workers=2, bounds=Bounds())
-
-Single = functools.partial(run_in_processes, workers=1, bounds=Bounds())
-"""Where it is not the workers that matter: each loads everything first."""
-
-
-def written(folder: Path, text: str = SHORT) -> str:
-    path = folder / "study.toml"
-    path.write_text(text)
-    return str(path)
 
 
 def run(folder: Path, text: str = SHORT, engine: object = Engine) -> StudyResult:
@@ -93,59 +73,16 @@ def test_shards_are_a_partition_that_keeps_twins_together(tmp_path: Path) -> Non
     assert not (seeds[0] & seeds[1] | seeds[1] & seeds[2] | seeds[0] & seeds[2])
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("nam = 1", "unknown field `nam`"),
-        ("seeds = 1", "missing required field `name`"),
-        (SHORT.replace("seeds = 2", 'seeds = "many"'), "seeds"),
-        (SHORT.replace("seeds = 2", "seeds = 0"), "seeds is empty"),
-        (SHORT + '"map.nonsense" = [1]', "unknown setting 'map.nonsense'"),
-        (SHORT + '"map.resolution" = []', "axis 'map.resolution' is empty"),
-        (SHORT.replace("success.drop <= 0", "sucess.drop <= 0"), "did you mean 'success'"),
-        (SHORT.replace("success.drop <= 0", "success.fall <= 0"), "STATISTIC one of drop, rise"),
-        (SHORT.replace('name = "short"', 'name = "../up"'), "expected letters"),
-        (SHORT.replace("= 1\n", "= three\n"), "Invalid value"),
-        (SHORT + "[bounds]\nwall_s = 0", "bounds of 0 s"),
-        (SHORT.replace("seeds = 2", "seeds = [-1]"), "`int` >= 0"),
-        (SHORT.replace("seeds = 2", f"seeds = [{2**63}]"), "seeds"),
-        (SHORT + f"[set]\n{'a.' * 9999}a = 1", "nested too deeply"),
-        (SHORT + f"[set]\n'start' = {'[' * 99}{']' * 99}", "set"),
-        (SHORT + "[set]\n'map.resolution' = 1979-05-27", "set"),
-        (SHORT + "[colour]\nred = 1", "unknown field `colour`"),
-    ],
-)
-def test_a_wrong_study_is_one_line(tmp_path: Path, text: str, message: str) -> None:
-    with pytest.raises(InputError) as caught:
-        plan_episodes(read_study(written(tmp_path, text)))
-    assert message in str(caught.value)
-    assert "\n" not in str(caught.value)
-
-
-def test_an_unknown_packaged_study_lists_those_there_are() -> None:
-    with pytest.raises(InputError, match=r"unknown study 'smoky'; did you mean 'smoke'\?"):
-        read_study("smoky")
-
-
-def test_gates_are_read() -> None:
-    gate = read_gate("least_clearance.mean >= 0.1 proven")
-    assert (gate.metric, gate.statistic, gate.at_most) == ("least_clearance", "mean", False)
-    assert (gate.bound, gate.proven) == (0.1, True)
-
-
 @pytest.fixture(scope="module")
 def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A study that ran through."""
+    """A study that ran through, in this process."""
     folder = tmp_path_factory.mktemp("undisturbed")
-    result = run(folder)
+    result = run(folder, engine=run_here)
     assert (result.episodes, result.missing, result.errors) == (4, 0, 0)
     return folder
 
 
 def test_a_finished_study_runs_nothing_again(undisturbed: Path) -> None:
-    def refuse(jobs: list[Job], *_: object) -> None:
-        raise AssertionError(f"{len(jobs)} episodes run again")
-
     assert run(undisturbed, engine=refuse).missing == 0
     assert (undisturbed / "out" / "table.parquet").is_file()
 
@@ -158,13 +95,14 @@ def test_what_is_missing_is_run_and_comes_out_the_same(undisturbed: Path, tmp_pa
 
     def engine(jobs: list[Job], stacks: list[bytes], finished: object) -> None:
         ran.extend(job.key for job in jobs)
-        Single(jobs, stacks, finished)  # type: ignore[arg-type]
+        run_here(jobs, stacks, finished)  # type: ignore[arg-type]
 
     run(undisturbed, engine=engine)
     assert ran == [lost]
     assert chains(undisturbed) == before
 
 
+@pytest.mark.large
 def test_killed_workers_cost_nothing_but_time(undisturbed: Path, tmp_path: Path) -> None:
     """One at its start, one in the midst: the study ends as the undisturbed one did."""
     stop = threading.Event()
@@ -209,18 +147,13 @@ def test_a_broken_episode_is_a_row_and_not_the_end(tmp_path: Path) -> None:
     """The goal lies outside the geofence for one variant alone."""
     axis = '"costmap.unknown_policy" = ["forbid", "allow"]'
     text = SHORT.replace(axis, "goal = [[6, 6, 1.2], [500, 0, 1.2]]")
-    result = run(tmp_path, text.replace("seeds = 2", "seeds = 1"), engine=Single)
+    result = run(tmp_path, text.replace("seeds = 2", "seeds = 1"), engine=run_here)
     assert (result.missing, result.errors) == (0, 1)
     broken = result.arms[1]
     assert broken.outcomes == {"error": 1}
     assert broken.success.estimate == 0.0
-    [row] = [
-        row
-        for row in read_rows(
-            plan_episodes(read_study(str(tmp_path / "study.toml"))), Store(tmp_path / "out")
-        )
-        if row.outcome == "error"
-    ]
+    planned = plan_episodes(read_study(str(tmp_path / "study.toml")))
+    [row] = [one for one in read_rows(planned, Store(tmp_path / "out")) if one.outcome == "error"]
     assert "expected inside the geofence" in row.reason
 
 
@@ -228,13 +161,11 @@ def test_an_error_of_the_machine_is_tried_again_and_no_failure_of_its_arm(tmp_pa
     text = SHORT.replace("seeds = 2", "seeds = 1")
     tried: list[str] = []
 
-    def full(jobs: list[Job], stacks: list[bytes], finished: Callable[[Done], None]) -> None:
+    def full(jobs, stacks, finished):
         for job in jobs:
             finished(Done(job.key, "the disk is full", of_machine=True))
 
-    def short_of_memory(
-        jobs: list[Job], stacks: list[bytes], finished: Callable[[Done], None]
-    ) -> None:
+    def short_of_memory(jobs, stacks, finished):
         for job in jobs:
             tried.append(job.key)
             lacks = tried.count(job.key) < 3
@@ -248,26 +179,13 @@ def test_an_error_of_the_machine_is_tried_again_and_no_failure_of_its_arm(tmp_pa
     assert sorted(tried) == sorted(keys * 3)
 
 
-def test_time_and_memory_are_bounded(tmp_path: Path) -> None:
-    bounded = functools.partial(
-        run_in_processes, workers=1, bounds=Bounds(wall_s=0.3, memory_mib=4096)
-    )
-    text = SHORT.replace("seeds = 2", "seeds = 1").replace('"episode.time_limit" = 1\n', "")
-    text = text.replace('"empty"', '"warehouse"').replace('"map.resolution" = 0.2\n', "")
-    result = run(tmp_path, text, engine=bounded)  # each takes several times as long
-    assert result.errors == 2
-    assert all(arm.outcomes == {"error": 1} for arm in result.arms)
-
-
 def test_a_folder_takes_one_run_at_a_time(tmp_path: Path) -> None:
     store = Store(tmp_path)
     with store.open(), pytest.raises(InputError, match="another run"), Store(tmp_path).open():
         pass
 
 
-def test_merging_takes_what_is_new_and_refuses_two_truths(
-    undisturbed: Path, tmp_path: Path
-) -> None:
+def test_merging_takes_what_is_new_and_refuses_two_truths(undisturbed, tmp_path):
     whole = Store(undisturbed / "out")
     keys = sorted(chains(undisturbed))
     part = tmp_path / "part"
@@ -314,18 +232,7 @@ def test_a_parent_that_is_killed_takes_its_workers_along(tmp_path: Path) -> None
     time.sleep(0.5)
     assert sorted(path.name for path in logs.glob("*.mcap")) == left  # nobody writes any more
     assert 1 <= len(left)
-    assert run(tmp_path, engine=Single).missing == 0
-
-
-def test_a_strangers_folder_loads_no_code(tmp_path: Path) -> None:
-    """A page or a comparison of it would import what its study names."""
-    text = SHORT.replace("[axes]", '"planner.name" = "os:abort"\n[axes]')
-    study = read_study(written(tmp_path, text), allow_plugins=True)
-    store = Store(tmp_path)
-    store.keep_study(study, {})
-    with pytest.raises(InputError, match="expected --allow-plugins"):
-        store.read_study()
-    assert store.read_study(allow_plugins=True) == study
+    assert run(tmp_path, engine=run_here).missing == 0
 
 
 def test_a_key_holds_what_a_file_holds_and_not_where_it_lies(tmp_path: Path) -> None:
@@ -371,9 +278,7 @@ def test_a_folder_remembers_what_its_files_held(tmp_path: Path) -> None:
     assert [one.key for one in plan_episodes(store.read_study(), store.read_contents())] == keys
 
 
-def test_ctrl_c_says_what_a_study_has_kept(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_ctrl_c_says_what_a_study_has_kept(tmp_path, monkeypatch, capsys):
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 

@@ -11,20 +11,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.harness.study.here import HEAD, answer, pretend, written
 from wayproof.harness.cli.main import main
-from wayproof.harness.config import Config
 from wayproof.harness.config_document import from_json
-from wayproof.harness.errors import InputError
-from wayproof.harness.log.writer import LogWriter
-from wayproof.harness.scenario.scenario import build
 from wayproof.harness.statistics.exact import quantile_interval
 from wayproof.harness.study.contents import contents_of
-from wayproof.harness.study.file import StudyFile, read_study
+from wayproof.harness.study.file import StudyFile
 from wayproof.harness.study.job import Done, Job
-from wayproof.harness.study.plan import Planned, plan_episodes
+from wayproof.harness.study.plan import plan_episodes
 from wayproof.harness.study.processes import Finished
 from wayproof.harness.study.store import Store
-from wayproof.harness.study.study import Engine, answers_of, run_missing
+from wayproof.harness.study.study import answers_of
 from wayproof.harness.study.threshold import Thresholds, amount_at, half_in_words
 
 STUDY = StudyFile(
@@ -36,7 +33,6 @@ STUDY = StudyFile(
     perturbations={"pose_drift": []},
 )
 INFINITE = math.inf
-MISSION = build(Config("empty", "drone", 0)).mission.to_json()
 
 
 class Pretended:
@@ -56,27 +52,13 @@ class Pretended:
             severity = config.perturbation.severity if config.perturbation else 0.0
             self.ran.append((config.seed, severity))
             outcome = "success" if severity <= self.bears(config.seed) else "collision"
-            with LogWriter(job.log, job.config, MISSION, "<mujoco/>") as log:
-                log.finish({"outcome": outcome, "reason": outcome, "chain": ""})
-            finished(Done(job.key))
-
-
-def bisect(folder: Path, engine: Engine) -> Thresholds:
-    store, planned = Store(folder), plan_episodes(STUDY)
-
-    def run(some: Sequence[Planned]) -> None:
-        run_missing(some, store, engine, lambda done: None)
-
-    with store.open():
-        [found] = answers_of(STUDY, planned, store, contents_of([]), run=run)
-    assert isinstance(found, Thresholds)
-    return found
+            finished(pretend(job, outcome))
 
 
 def test_every_seed_is_bracketed_to_a_hundredth(tmp_path: Path) -> None:
     """Seed k fails beyond k/2; seed 0 unperturbed fails at once, none of the others censored."""
     engine = Pretended(lambda seed: seed / 2 if seed else -1.0)
-    found = bisect(tmp_path, engine)
+    found = answer(STUDY, tmp_path, engine)
     assert [one.seed for one in found.seeds] == list(range(9))
     assert (found.seeds[0].passed, found.seeds[0].severity) == (-1.0, 0.0)
     for one in found.seeds[1:]:
@@ -85,19 +67,16 @@ def test_every_seed_is_bracketed_to_a_hundredth(tmp_path: Path) -> None:
     assert max(tries) <= STUDY.threshold.episodes
     assert tries[0] == 1
     assert found.episodes == len(engine.ran)
-    assert found.median is not None
     assert found.median.estimate == pytest.approx(2.0, abs=0.01)
     # Ranks 2 and 8 of 9: the chance of fewer than 2 or more than 7 below the median is 3.9 %.
     assert found.median.low == pytest.approx(0.5, abs=0.01)
     assert found.median.high == pytest.approx(3.5, abs=0.01)
-    assert found.median_amount is not None
     assert found.median_amount.estimate == pytest.approx(0.005, abs=2e-4)
 
 
 def test_who_bears_the_whole_scale_is_told_as_such(tmp_path: Path) -> None:
-    found = bisect(tmp_path, Pretended(lambda seed: 9.0 if seed < 6 else 1.0))
+    found = answer(STUDY, tmp_path, Pretended(lambda seed: 9.0 if seed < 6 else 1.0))
     assert found.episodes == 6 * 2 + 3 * 11
-    assert found.median is not None
     assert found.median.estimate == INFINITE
     assert found.median.high == INFINITE
     assert found.median.low == pytest.approx(1.0, abs=0.01)
@@ -128,16 +107,16 @@ def test_where_half_fail_is_a_sentence(severities: list[float], words: str) -> N
 
 def test_what_was_interrupted_goes_on(tmp_path: Path) -> None:
     whole = Pretended(lambda seed: seed / 3)
-    expected = bisect(tmp_path / "whole", whole)
+    expected = answer(STUDY, tmp_path / "whole", whole)
     first = Pretended(lambda seed: seed / 3, most=25)
     with pytest.raises(KeyboardInterrupt):
-        bisect(tmp_path / "parts", first)
+        answer(STUDY, tmp_path / "parts", first)
     store = Store(tmp_path / "parts")
     [halfway] = answers_of(STUDY, plan_episodes(STUDY), store, contents_of([]))
     assert isinstance(halfway, Thresholds)
     assert (halfway.unfinished, halfway.episodes) == (9, 25)
     rest = Pretended(lambda seed: seed / 3)
-    assert bisect(tmp_path / "parts", rest) == expected
+    assert answer(STUDY, tmp_path / "parts", rest) == expected
     assert sorted(first.ran + rest.ran) == sorted(whole.ran)
 
 
@@ -146,15 +125,10 @@ def test_an_episode_that_cannot_be_run_is_no_failure(tmp_path: Path) -> None:
         for job in jobs:
             finished(Done(job.key, "no such file"))
 
-    found = bisect(tmp_path, engine)
+    found = answer(STUDY, tmp_path, engine)
     assert found.errors == list(range(9))
     assert (found.seeds, found.median) == ([], None)
     assert found.in_words().endswith("9 could not be run, first: no such file")
-
-
-def test_an_unknown_perturbation_is_one_line() -> None:
-    with pytest.raises(InputError, match="did you mean 'pose_drift'"):
-        read_study("threshold", settings=["perturbations=pose_drfit"])
 
 
 def test_amounts_at_the_ends_of_the_scale() -> None:
@@ -175,17 +149,12 @@ def test_a_quantiles_interval_covers_it() -> None:
     assert (few.low, few.estimate, few.high) == (-INFINITE, 3.0, INFINITE)
 
 
-def test_a_study_of_this_kind_bisects_real_episodes(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+@pytest.mark.usefixtures("in_this_process")
+def test_a_study_of_this_kind_bisects_real_episodes(tmp_path, capsys):
     """A limit of 1 s makes every episode fail unperturbed: one each, and a page that says so."""
-    path = tmp_path / "study.toml"
-    path.write_text(
-        'name = "tiny"\nworlds = ["empty"]\nrobots = ["drone"]\nseeds = 1\n'
-        '[set]\n"map.resolution" = 0.2\n[perturbations]\npose_jump = [1]\n'
-    )
-    out = str(tmp_path / "out")
-    words = ["study", str(path), "--set", "kind=threshold", "--set", "episode.time_limit=1"]
+    rest = 'seeds = 1\n[set]\n"map.resolution" = 0.2\n[perturbations]\npose_jump = [1]\n'
+    path, out = written(tmp_path, HEAD + rest), str(tmp_path / "out")
+    words = ["study", path, "--set", "kind=threshold", "--set", "episode.time_limit=1"]
     assert main([*words, "--out", out, "--jobs", "1", "--json"]) == 0
     [found] = json.loads(capsys.readouterr().out)["answers"]
     assert found["episodes"] == 1

@@ -8,6 +8,7 @@ import pytest
 
 from wayproof.harness.statistics.exact import Interval
 from wayproof.harness.study.report.charts import (
+    COLOURS,
     WIDTH,
     Curve,
     Line,
@@ -147,3 +148,15 @@ def test_rates_have_the_axis_of_rates():
 def test_the_share_that_bears_a_severity_falls_at_each_threshold():
     way = re.search(r'<path d="([^"]*)"', stairs([1.0, math.inf], 5.0, "severity"))[1]
     assert way == "M42 8.0H116.0V69.0H412"
+
+
+def test_curves_of_stacks_stand_in_one_plot():
+    rate, names = Interval(0.5, 0.2, 0.8), ("builtin", "gap", "a/mine.py:Mine")
+    curves = [Curve(name, DOSES, [rate, None, rate]) for name in names]
+    picture = bars_chart(curves, label="pose_drift, %", ylabel="success", top=1.0)
+    for name, colour in zip(names, COLOURS, strict=False):
+        assert f">{name}</text>" in picture
+        assert colour in picture
+    alone = bars_chart([Curve("", DOSES, [rate] * 3)], label="x", ylabel="success", top=1.0)
+    assert COLOURS[0] in alone
+    assert COLOURS[1] not in alone

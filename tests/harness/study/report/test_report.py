@@ -1,18 +1,25 @@
-"""The page of a study, and the comparison of two."""
+"""The page of a study, in text and in a browser, and the comparison of two."""
 
 from __future__ import annotations
 
 import html
+import http.server
 import json
 import re
 import shlex
+import shutil
+import socket
+import subprocess
+import threading
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
+import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from PIL import Image
 
-from tests.harness.study.here import run_here
+from tests.harness.study.here import HEAD, run_here, written
 from wayproof.harness.cli.main import main, parse
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.study.file import read_study
@@ -21,31 +28,36 @@ from wayproof.harness.study.report.provenance import run_command
 from wayproof.harness.study.store import Store
 from wayproof.harness.study.study import run_study
 
-STUDY = """
-name = "page"
-worlds = ["corridor"]
-robots = ["drone"]
+STUDY = f"""{HEAD}
 seeds = 2
 gates = ["success.mean >= 0.99"]
+[set]
+"start" = [3.0, 3.0]
+"goal" = [5.0, 3.0]
+"map.resolution" = 0.2
 [axes]
-"episode.time_limit" = [60, 2]
+"episode.time_limit" = [20, 1]
 """
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A study whose second variant cannot but time out."""
-    folder = tmp_path_factory.mktemp("page")
-    path = folder / "study.toml"
-    path.write_text(STUDY)
-    study = read_study(str(path))
-    run_study(study, plan_episodes(study), Store(folder / "out"), run_here, lambda done: None)
-    return folder / "out"
+def folder(tmp_path_factory):
+    """A study whose second variant cannot but time out, with its report."""
+    path = written(tmp_path_factory.mktemp("page"), STUDY)
+    study, out = read_study(path), Path(path).parent / "out"
+    run_study(study, plan_episodes(study), Store(out), run_here, lambda done: None)
+    assert main(["report", str(out)]) == 0
+    return out
 
 
-def test_a_page_tells_what_happened(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_page_tells_what_happened_and_the_same_again(folder, capsys):
+    files = [folder / "report.html", *sorted((folder / "report").rglob("*.*"))]
+    before = {path: path.read_bytes() for path in files}
+    assert len(before) == 1 + 3 + 4
     assert main(["report", str(folder), "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
+    assert before == {path: path.read_bytes() for path in files}
+    assert not any(socket.gethostname().encode() in content for content in before.values())
     page = (folder / "report.html").read_text()
     assert document["report"] == str(folder / "report" / "index.html")
     assert document["verdict"] == "failed"
@@ -59,8 +71,7 @@ def test_a_page_tells_what_happened(folder: Path, capsys: pytest.CaptureFixture[
         assert log == same
 
 
-def test_a_page_needs_nothing_from_outside(folder: Path) -> None:
-    main(["report", str(folder)])
+def test_a_page_needs_nothing_from_outside(folder):
     page = (folder / "report.html").read_text()
     assert not re.findall(r"""(?:src|href)\s*=\s*["'](?!#)""", page)
     assert "<script" not in page
@@ -68,18 +79,7 @@ def test_a_page_needs_nothing_from_outside(folder: Path) -> None:
         ET.fromstring(svg)  # well-formed
 
 
-def test_the_same_logs_give_the_same_bytes(folder: Path) -> None:
-    sites = []
-    for _ in range(2):
-        main(["report", str(folder)])
-        files = [folder / "report.html", *sorted((folder / "report").rglob("*.*"))]
-        sites.append({path: path.read_bytes() for path in files})
-    assert sites[0] == sites[1]
-    assert len(sites[0]) == 1 + 3 + 4
-
-
-def test_every_link_of_the_site_leads_to_a_page_of_it(folder: Path) -> None:
-    main(["report", str(folder)])
+def test_every_link_of_the_site_leads_to_a_page_of_it(folder):
     pages = sorted((folder / "report").rglob("*.html"))
     assert len(pages) == 2 + 4
     linked = set()
@@ -94,8 +94,7 @@ def test_every_link_of_the_site_leads_to_a_page_of_it(folder: Path) -> None:
     assert {page.resolve() for page in pages} <= linked
 
 
-def test_the_page_of_an_episode_has_its_twin_its_charts_and_commands(folder: Path) -> None:
-    main(["report", str(folder)])
+def test_the_page_of_an_episode_has_its_twin_its_charts_and_commands(folder):
     table = pq.read_table(folder / "table.parquet").to_pylist()
     row = next(one for one in table if one["outcome"] == "timeout")
     twin = next(one for one in table if one["seed"] == row["seed"] and one is not row)
@@ -105,7 +104,7 @@ def test_the_page_of_an_episode_has_its_twin_its_charts_and_commands(folder: Pat
     assert f">{row['least_clearance']:.3f}</td>" in page
     assert f"{row['least_clearance'] - twin['least_clearance']:+.3f}" in page
     commands = html.unescape(re.findall(r"<pre>(.*?)</pre>", page, re.DOTALL)[0]).splitlines()
-    assert commands[-1].endswith("--set episode.time_limit=2.0")
+    assert "--set episode.time_limit=1.0" in commands[-1]
     for command in commands:  # as they are typed where the report was made
         program, *words = shlex.split(command)
         options = parse(words)
@@ -115,28 +114,25 @@ def test_the_page_of_an_episode_has_its_twin_its_charts_and_commands(folder: Pat
         assert all(Path(one).is_file() for one in paths if not str(one).isdecimal())  # a decision
 
 
-def test_a_command_of_a_page_runs_its_episode_again(folder: Path, tmp_path: Path) -> None:
+def test_a_command_of_a_page_runs_its_episode_again(folder, tmp_path):
     study = read_study(str(folder.parent / "study.toml"))
-    planned = next(one for one in plan_episodes(study) if one.config.episode.time_limit == 2.0)
+    planned = next(one for one in plan_episodes(study) if one.config.episode.time_limit == 1.0)
     words = shlex.split(run_command(planned))[1:]
     assert main([*words, "--log", str(tmp_path / "d.mcap")]) == 1
     chain = open_log(tmp_path / "d.mcap").result["chain"]
     assert chain == open_log(Store(folder).log(planned.key)).result["chain"]
 
 
-def test_what_users_write_is_text_and_not_markup(folder: Path) -> None:
-    store = Store(folder)
+def test_what_users_write_is_text_and_not_markup(folder, tmp_path):
+    store = Store(shutil.copytree(folder, tmp_path / "out"))
     [key, *_] = [path.stem for path in store.logs.glob("*.mcap")]
-    kept = store.log(key).read_bytes()
     store.log(key).unlink()
     store.record_error(key, "<script>alert(1)</script>")
-    main(["report", str(folder)])
-    (store.errors / f"{key}.json").unlink()
-    store.log(key).write_bytes(kept)
-    assert "&lt;script&gt;" in (folder / "report.html").read_text()
+    main(["report", str(store.folder)])
+    assert "&lt;script&gt;" in (store.folder / "report.html").read_text()
 
 
-def test_a_study_is_no_worse_than_itself(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_study_is_no_worse_than_itself(folder, capsys):
     """Two seeds cannot show it, though; no gate fails."""
     compared = ["compare", str(folder), str(folder)]
     assert main(compared) == 3
@@ -147,7 +143,7 @@ def test_a_study_is_no_worse_than_itself(folder: Path, capsys: pytest.CaptureFix
     assert all(one["against"]["drop"]["estimate"] == 0 for one in document["arms"])
 
 
-def test_a_comparison_is_a_page_a_table_and_test_cases(folder: Path, tmp_path: Path) -> None:
+def test_a_comparison_is_a_page_a_table_and_test_cases(folder, tmp_path):
     page, table, cases = (tmp_path / name for name in ("c.html", "c.md", "c.xml"))
     options = ["--html", str(page), "--markdown", str(table), "--junit", str(cases)]
     assert main(["compare", str(folder), str(folder), *options]) == 3
@@ -165,10 +161,156 @@ def test_a_comparison_is_a_page_a_table_and_test_cases(folder: Path, tmp_path: P
         (["compare", "{folder}", "{folder}", "--gate", "speed.drop <= 0"], "unknown metric"),
     ],
 )
-def test_bad_input_is_one_line(
-    folder: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
-) -> None:
+def test_bad_input_is_one_line(folder, capsys, arguments, message):
     assert main([one.format(folder=folder) for one in arguments]) == 2
     error = capsys.readouterr().err
     assert message in error
     assert error.count("\n") == 1
+
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+
+NOBODY = "not an origin"
+"""Whom the browser names as the one who asks, where it asks for itself."""
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """The first one that is installed."""
+    found = [path for path in map(shutil.which, BROWSERS) if path]
+    if not found:
+        pytest.skip("no browser here; apt-get install chromium")
+    return found[0]
+
+
+class Seen:
+    """What a headless browser made of a page: its picture, its requests and what it said."""
+
+    def __init__(self, browser: str, url: str, folder: Path) -> None:
+        picture, requests = folder / "page.png", folder / "requests.json"
+        options = (
+            "--headless=new --no-sandbox --disable-gpu --hide-scrollbars --no-first-run "
+            "--disable-background-networking --disable-component-update --disable-sync "
+            "--disable-default-apps --disable-extensions --metrics-recording-only "
+            "--enable-logging=stderr --v=0 --window-size=1200,2400 --virtual-time-budget=5000"
+        ).split()
+        done = subprocess.run(
+            [
+                browser,
+                *options,
+                "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
+                f"--user-data-dir={folder / 'profile'}",
+                f"--screenshot={picture}",
+                f"--log-net-log={requests}",
+                url,
+            ],
+            capture_output=True,
+            text=True,
+            timeout=120,
+            check=True,
+        )
+        self.console = [line for line in done.stderr.splitlines() if "CONSOLE" in line]
+        self.pixels = np.asarray(Image.open(picture).convert("RGB"))
+        self.urls = _requested(requests.read_text())
+
+
+def _requested(text: str) -> set[str]:
+    """Every address that a request of the page named, the browser's own apart."""
+    if not text.rstrip().endswith("}"):  # the browser left before it had closed the list
+        text = text.rstrip().rstrip(",") + "]}"
+    log = json.loads(text)
+    start = log["constants"]["logEventTypes"]["URL_REQUEST_START_JOB"]
+    requests = [event.get("params", {}) for event in log["events"] if event["type"] == start]
+    return {one["url"] for one in requests if "url" in one and one.get("initiator") != NOBODY}
+
+
+def test_a_page_is_seen_and_asks_nothing_of_anybody(browser, folder, tmp_path):
+    seen = Seen(browser, (folder / "report.html").as_uri(), tmp_path)
+    assert seen.console == []
+    assert seen.urls == set()
+    height, width, _ = seen.pixels.shape
+    assert (width, height) == (1200, 2400)
+    dark = (seen.pixels < 128).all(axis=2)
+    assert 0.005 < dark.mean() < 0.3  # text and lines on white
+    assert len(np.unique(seen.pixels.reshape(-1, 3), axis=0)) > 400
+    assert dark[:300].any()
+    assert dark[900:].any()
+
+
+LOOKED_AT = """
+<img src="PICTURE">
+<script>
+  const pages = PAGES;
+  let left = pages.length;
+  for (const [name, width, text] of pages) {
+    const frame = document.createElement("iframe");
+    frame.width = width; frame.height = 800;
+    frame.onload = () => {
+      const page = frame.contentDocument, root = page.documentElement;
+      console.log(`WIDTH ${name} ${width} ${root.clientWidth} ${root.scrollWidth}`);
+      if (name === "episodes.html") {
+        const shown = () => [...page.querySelectorAll("#episodes tbody tr:not([hidden])")];
+        const column = n => shown().map(row => row.cells[n].textContent);
+        page.querySelectorAll("th")[1].click(); page.querySelectorAll("th")[1].click();
+        console.log(`SEEDS ${column(1)}`);
+        const text = page.querySelector("#text");
+        text.value = "timeout"; text.dispatchEvent(new Event("input"));
+        console.log(`FILTERED ${column(0).length} ${page.querySelector("#count").textContent}`);
+      }
+    };
+    frame.srcdoc = text;
+    document.body.append(frame);
+  }
+</script>
+"""
+"""Page that opens others in frames of a width, and says how wide they are; sorts and filters.
+
+It also asks for a picture, so that what is looked for in a page is found where it is.
+"""
+
+
+class _Quiet(http.server.BaseHTTPRequestHandler):
+    """Has nothing."""
+
+    def do_GET(self) -> None:
+        self.send_error(404)
+
+    def log_message(self, *_: object) -> None:
+        del _
+
+
+@pytest.fixture
+def address():
+    """Address of a picture, which there is none of."""
+    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), _Quiet)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    yield f"http://127.0.0.1:{server.server_port}/picture.png"
+    server.shutdown()
+    server.server_close()
+
+
+def test_no_page_scrolls_sideways_and_the_table_sorts_and_filters(
+    browser, folder, tmp_path, address
+):
+    site = folder / "report"
+    style = f"<style>{(site / 'style.css').read_text()}</style>"
+    episode = next(site.glob("episodes/*.html")).relative_to(site)
+    names = ["index.html", "episodes.html", str(episode)]
+    texts = {
+        name: re.sub(r'<link rel="stylesheet"[^>]*>', lambda _: style, (site / name).read_text())
+        for name in names
+    }
+    pages = [[name, width, texts[name]] for name in names for width in (390, 1280)]
+    wrapper = tmp_path / "frames.html"
+    listed = json.dumps(pages).replace("</", "<\\/")
+    script = LOOKED_AT.replace("PICTURE", address).replace("PAGES", listed)
+    wrapper.write_text(f"<body>{script}</body>")
+    seen = Seen(browser, wrapper.as_uri(), tmp_path)
+    said = "\n".join(seen.console)
+    widths = re.findall(r"WIDTH (\S+) (\d+) (\d+) (\d+)", said)
+    assert len(widths) == len(pages), said
+    for name, width, inner, content in widths:
+        assert int(content) <= int(inner) <= int(width), (name, width, content)
+    assert "SEEDS 1,1,0,0" in said
+    assert "FILTERED 2 2 of 4" in said
+    assert address in seen.urls

@@ -1,19 +1,19 @@
-"""Verdicts as Markdown and JUnit XML: each verdict, and text that is no markup."""
+"""Verdicts as Markdown and JUnit XML, text that is no markup, and the page of two builds."""
 
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 
 import pytest
 
+from tests.harness.study.here import ARM, row
 from wayproof.harness.statistics.exact import Interval
-from wayproof.harness.study.analysis import ArmSummary
+from wayproof.harness.study.analysis import ArmSummary, Sample
 from wayproof.harness.study.gates import GateResult
-from wayproof.harness.study.plan import Arm
+from wayproof.harness.study.report.builds import flips_of
 from wayproof.harness.study.report.summary import junit, markdown
 from wayproof.harness.study.result import Paired, StudyResult
 from wayproof.harness.study.study import verdict_in_words
 
-ARM = Arm("empty", "drone", "", "none", 0)
 RATE = Interval(0.5, 0.1, 0.9)
 
 
@@ -62,7 +62,7 @@ def cases(text):
 )
 def test_a_gate_is_a_test_case(verdict, tags):
     suite, found = cases(junit(result(gate(verdict))))
-    assert found == {"episodes": [], "success.mean >= 0.5 for empty drone": tags}
+    assert found == {"episodes": [], "success.mean >= 0.5 for warehouse drone": tags}
     assert suite.get("tests") == "2"
     assert int(suite.get("failures")) == tags.count("failure")
     assert int(suite.get("errors")) == tags.count("error")
@@ -70,9 +70,9 @@ def test_a_gate_is_a_test_case(verdict, tags):
 
 def test_only_gates_that_need_no_proof_are_skipped_on_request():
     lax = junit(result(gate("inconclusive")), allow_inconclusive=True)
-    assert cases(lax)[1]["success.mean >= 0.5 for empty drone"] == ["skipped"]
+    assert cases(lax)[1]["success.mean >= 0.5 for warehouse drone"] == ["skipped"]
     strict = junit(result(gate("inconclusive", required=True)), allow_inconclusive=True)
-    assert cases(strict)[1]["success.mean >= 0.5 for empty drone"] == ["error"]
+    assert cases(strict)[1]["success.mean >= 0.5 for warehouse drone"] == ["error"]
 
 
 def test_an_incomplete_study_does_not_pass():
@@ -90,7 +90,7 @@ def test_markdown_has_a_line_for_each_gate_and_arm():
         line.startswith("| ❌ failed | `success.mean &lt;") or "❌ failed" in line for line in lines
     )
     assert sum("| ✅ held |" in line for line in lines) == 1
-    assert "| empty drone | 6 | 0.50 (0.10 to 0.90) | 60.0 |  |  |  |" in lines
+    assert "| warehouse drone | 6 | 0.50 (0.10 to 0.90) | 60.0 |  |  |  |" in lines
 
 
 def test_names_are_text_and_not_markup():
@@ -112,3 +112,19 @@ def test_an_unbounded_interval_is_words():
         assert "unbounded" in text
         assert "inf " not in text
         assert "nan" not in text.replace("inconclusive", "")
+
+
+def test_flips_have_the_lost_ones_first_and_link_where_there_is_a_page(tmp_path):
+    pairs = [
+        (row(1, outcome="timeout"), row(1)),
+        (row(2), row(2, outcome="collision", key="key2")),
+        (row(3), row(3)),
+    ]
+    page = tmp_path / "b" / "report" / "episodes" / "key2.html"
+    page.parent.mkdir(parents=True)
+    page.touch()
+    both = Sample(ARM, [second for _, second in pairs], pairs, compared=True)
+    flips = flips_of([both], tmp_path / "a", tmp_path / "b", tmp_path / "out.html")
+    assert [(seed, after.side) for _, seed, _, after, *_ in flips] == [("2", "bad"), ("1", "good")]
+    assert flips[0][2].link == ""
+    assert flips[0][3].link == "b/report/episodes/key2.html"
