@@ -22,15 +22,16 @@ def raising(error):
     return make
 
 
-def test_a_failure_of_the_users_class_is_bad_input():
-    error = UserCodeError("planner 'a.py:B'", "raised ValueError")
-    with pytest.raises(InputError, match=r"decision 4: planner 'a\.py:B' raised ValueError"):
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [
+        (UserCodeError("planner 'a.py:B'", "raised ValueError"), r"planner 'a\.py:B' raised Value"),
+        (MemoryError(), "out of memory, expected smaller maps"),
+    ],
+)
+def test_what_is_no_fault_of_the_stack_is_bad_input(error, said):
+    with pytest.raises(InputError, match=f"decision 4: {said}"):
         as_input_error("decision 4", raising(error))
-
-
-def test_too_little_memory_is_bad_input():
-    with pytest.raises(InputError, match="decision 4: out of memory, expected smaller maps"):
-        as_input_error("decision 4", raising(MemoryError()))
 
 
 def test_an_input_error_stays_as_it_is():

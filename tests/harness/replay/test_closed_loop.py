@@ -14,14 +14,6 @@ from wayproof.harness.replay.verify import verify
 from wayproof.harness.schema import wayproof_pb2 as pb
 
 
-@pytest.mark.parametrize("robot", sorted(SHORT))
-def test_simulated_anew_everything_is_the_same(recorded, robot):
-    again = simulate_again(Path(recorded(*SHORT[robot]).log))
-    assert again.identical
-    assert again.scene_from_seed
-    assert again.first_input is None
-
-
 def test_the_first_input_that_differs_is_named(recorded, tmp_path):
     def brush(message):
         if isinstance(message, pb.Pose) and message.sequence == 5:
