@@ -129,12 +129,3 @@ def test_bad_input_is_one_line(stopped, arguments, message, capsys):
     error = capsys.readouterr().err
     assert message in error
     assert error.count("\n") == 1
-
-
-def test_run_prints_the_cause_and_how_to_explain_it(tmp_path, capsys):
-    path = Path(tmp_path / "late.mcap")
-    settings = ["--set", "latency.plan=0.4", "--set", "episode.stuck_after=2", "--log", str(path)]
-    assert main(["run", "empty", "--robot", "drone", "--seed", "1", *settings]) == 1
-    text = capsys.readouterr().out
-    assert "cause: latency: " in text
-    assert f"wayproof explain {path}" in text

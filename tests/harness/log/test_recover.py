@@ -1,10 +1,15 @@
-"""Recovery of the readable part of a broken log."""
+"""Logs that are cut short: recovery of the readable part, and a disk that fills."""
 
+import contextlib
+import io
 import json
+import resource
+import signal
 
 import pytest
 
-from tests.harness.log.damaged import damaged
+from tests.harness.log.conftest import damaged
+from tests.tools.soak.child import in_child
 from wayproof.harness.cli.main import main
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log
@@ -48,3 +53,24 @@ def test_recover_on_the_command_line(source, tmp_path, capsys):
     assert (tmp_path / "a.mcap.partial.ended").is_file()
     assert main(["export", str(tmp_path / "none.mcap"), "--log", str(tmp_path / "x.mcap")]) == 2
     assert "no such file" in capsys.readouterr().err
+
+
+def test_a_full_disk_ends_in_a_line_and_a_readable_log(recorded, tmp_path):
+    """A limit on the file's size stands for the disk: a write fails in the middle of a chunk."""
+    recorded("empty", "drone", 1)  # compiles everything, which writes files of its own
+    path = tmp_path / "a.mcap"
+
+    def work(report):
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (250_000, 250_000))
+        with contextlib.redirect_stderr(io.StringIO()) as said:
+            code = main(["run", "empty", "--robot", "drone", "--seed", "1", "--log", str(path)])
+        report(f"{code} {said.getvalue()}")
+
+    ended = in_child(work, 60.0)
+    line = ended.lines[-1] if ended.lines[-1] else ended.lines[-2]
+    assert line.startswith(f"2 wayproof: log '{path}': ")
+    assert line.endswith("File too large; what fitted is in .partial")
+    readable = tmp_path / "readable.mcap"
+    assert recover(tmp_path / "a.mcap.partial", readable).decisions >= 10
+    assert replay(readable).identical

@@ -1,6 +1,5 @@
 """Map files, read back by the readers of others and by our own."""
 
-import math
 import re
 from pathlib import Path
 
@@ -126,13 +125,10 @@ def test_points_are_the_centres_of_the_occupied_cells(tmp_path, log, cells, mome
     assert len(points) == count == (cells.states == OCCUPIED).sum()
     assert (moment.map.state_at(points.astype(float)) == OCCUPIED).all()
     assert len(np.unique(points, axis=0)) == count
-
-
-def test_trimesh_reads_the_ply(tmp_path, log, cells):
-    trimesh = pytest.importorskip("trimesh")
-    write_map(log, tmp_path / "m.ply")
-    points = trimesh.load(tmp_path / "m.ply").vertices
-    np.testing.assert_allclose(points, cells.centres(OCCUPIED), atol=1e-6)
+    if ending == "ply":
+        trimesh = pytest.importorskip("trimesh")
+        found = trimesh.load(path).vertices
+        np.testing.assert_allclose(found, cells.centres(OCCUPIED), atol=1e-6)
 
 
 def test_our_own_file_is_the_map_itself(tmp_path, log, moment):
@@ -155,4 +151,4 @@ def test_the_verb_names_the_endings(tmp_path, capsys):
     assert f"expected a name that ends in {', '.join(WRITERS)}" in capsys.readouterr().err
     assert main(["export", str(LOG), "--map", str(tmp_path / "m.pcd"), "--at", "2"]) == 0
     assert "decision 2, cells" in capsys.readouterr().out
-    assert not math.isnan((tmp_path / "m.pcd").stat().st_size)
+    assert (tmp_path / "m.pcd").stat().st_size > 0

