@@ -1,3 +1,5 @@
+import itertools
+
 import numpy as np
 import pytest
 
@@ -13,6 +15,7 @@ from wayproof.maps import (
     VoxelMap,
     states_in,
 )
+from wayproof.maps.kernels.grid2d import clip_to_band
 
 SECOND = 10**9
 FORWARD = np.array([[1.0, 0.0, 0.0]])
@@ -97,6 +100,15 @@ def test_from_above_the_band_it_clears_from_where_it_enters():
     look(grid, 2121, directions=unit(1.0, 0.0, -1.0), origin=(0.501, 1.05, 1.5))
     free = states_in(grid, (0.5, 1.01, -0.07), (3.0, 1.09, 0.28))[:, 0, -1] == FREE
     assert np.flatnonzero(free).tolist() == [10, 11, 12, 13, 14]
+
+
+def test_a_climb_is_clipped_to_the_band():
+    heights = range(-7, 8, 2)
+    for start, end in itertools.product(heights, heights):
+        enters, leaves = clip_to_band(start, end, (-4, 2))
+        inside = [z for z in range(min(start, end), max(start, end) + 1) if -4 <= z <= 2]
+        span = len(inside) - 1 if start != end else len(inside)
+        assert max(leaves - enters, 0) == max(span, 0)
 
 
 def naive_marks(origin, directions, ranges_mm, band):
