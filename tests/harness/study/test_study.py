@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.harness.study.here import SMALL, refuse, run_here, run_in_processes, written
+from tests.harness.study.here import HEAD, SMALL, refuse, run_here, run_in_processes, written
 from wayproof.harness.cli.main import main
 from wayproof.harness.config_document import to_json
 from wayproof.harness.errors import InputError
@@ -177,6 +177,15 @@ def test_an_error_of_the_machine_is_tried_again_and_no_failure_of_its_arm(tmp_pa
     assert stuck.arms[0].success == NOTHING_RAN
     assert run(tmp_path, text, engine=short_of_memory).errors == 0
     assert sorted(tried) == sorted(keys * 3)
+
+
+def test_time_is_bounded_and_its_excess_a_failure_of_the_arm(tmp_path: Path) -> None:
+    bounds = Bounds(wall_s=0.3, memory_mib=4096)
+    bounded = functools.partial(run_in_processes, workers=1, bounds=bounds)
+    long = f"{HEAD}seeds = 1\n".replace("empty", "warehouse")
+    result = run(tmp_path, long, engine=bounded)  # it takes many times as long
+    assert (result.errors, result.arms[0].outcomes) == (1, {"error": 1})
+    assert result.arms[0].success.estimate == 0.0  # no fault of the machine
 
 
 def test_a_folder_takes_one_run_at_a_time(tmp_path: Path) -> None:
