@@ -4,6 +4,7 @@ import numpy as np
 
 from tests.maps.sweeps import scattered
 from wayproof.maps import FREE, UNKNOWN, MapConfig, VoxelMap
+from wayproof.maps.kernels.bricks import column_states
 from wayproof.maps.voxel.bricks import BYTES_IN_BRICK
 
 FORWARD = np.array([[1.0, 0.0, 0.0]])
@@ -95,3 +96,17 @@ def test_a_cell_that_is_no_longer_free_is_a_change_though_it_is_not_occupied():
         voxel_map.integrate((0.05, 0.05, 0.5), FORWARD, np.array([range_mm], np.uint16), 2.0, 0)
     assert voxel_map.state_at([[0.55, 0.05, 0.5]]).tolist() == [UNKNOWN]
     assert len(voxel_map.changed(now)[0]) == 1
+
+
+def test_cells_known_to_lie_at_the_lower_clamp_are_free():
+    rng = np.random.default_rng(5)
+    for _ in range(30):
+        cells = rng.integers(-128, 128, 64).astype(np.int8)
+        cells[rng.random(64) < 0.4] = 0
+        cells[:16] = -60
+        cells[16:40][rng.random(24) < 0.7] = -60
+        known = rng.integers(0, 2**63, dtype=np.uint64) | np.uint64(0xFFFF)
+        settled = np.packbits(cells == -60, bitorder="little").view(np.uint64)[0] & known
+        occupied, free = column_states(cells.view(np.uint64), settled)
+        assert [int(occupied) >> z & 1 for z in range(64)] == (cells > 0).tolist()
+        assert [int(free) >> z & 1 for z in range(64)] == (cells < 0).tolist()
