@@ -18,6 +18,7 @@ from wayproof.harness.prior.cells import logged_cells
 from wayproof.harness.stack.footprint import body_of
 from wayproof.harness.stack.pipeline import Navigator
 from wayproof.maps.states import OCCUPIED
+from wayproof.models.grids import distances
 
 GHOST_CELLS = 1.5
 """Distance from anything true beyond which an occupied cell is a ghost, pose error apart, cells."""
@@ -102,11 +103,9 @@ def _swept(case: Case, navigator: Navigator, number: int) -> Cells:
 
 def _to_nearest(occupied: Cells, size: float) -> Array:
     """Return the distance to the nearest occupied cell, the edge of the grid excluded, m."""
-    from scipy import ndimage
-
     if not occupied.any():
         return np.full(occupied.shape, np.inf)
-    return np.asarray(ndimage.distance_transform_edt(~occupied) * size)
+    return distances(occupied) * size
 
 
 def _nearest_cell(

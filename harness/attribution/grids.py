@@ -2,26 +2,18 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.attribution.case import Case
 from wayproof.harness.stack.pipeline import Navigator
-
-if TYPE_CHECKING:
-    from scipy import sparse
+from wayproof.models.grids import distances, ways
 
 Array = NDArray[np.float64]
 Cells = NDArray[np.bool_]
-
-HALF_OF_THE_NEIGHBOURS = [
-    step for step in itertools.product((-1, 0, 1), repeat=3) if step > (0, 0, 0)
-]
 
 DETOUR = {2: 1.0824, 3: 1.1283}
 """Greatest ratio of a path along edges and diagonals to the straight line, by axes."""
@@ -32,13 +24,10 @@ STEPS = 8
 
 def clearances(occupied: Cells, size: float) -> Array:
     """Return the distance of each cell to the nearest occupied or outer cell, m."""
-    from scipy import ndimage  # slow to load
-
     walls = tuple((1, 1) if cells > 1 else (0, 0) for cells in occupied.shape)
     padded = np.pad(occupied, walls, constant_values=True)
     inner = tuple(slice(a, -b if b else None) for a, b in walls)
-    distances: Array = ndimage.distance_transform_edt(~padded)[inner] * size
-    return distances
+    return distances(padded)[inner] * size
 
 
 HEADINGS = 32
@@ -68,11 +57,8 @@ class Passage:
 
     def lets_turn(self, free: Cells) -> bool:
         """Return whether cells connect the ends that are free for a disc about the whole body."""
-        from scipy import ndimage
-
-        labels, _ = ndimage.label(free, np.ones((3,) * free.ndim) if self.corners else None)
-        near = [set(np.unique(labels[self._about(cell)])) - {0} for cell in (self.start, self.goal)]
-        return bool(near[0] & near[1])
+        ends = self._about(self.start), self._about(self.goal)
+        return _connected(free, *ends, corners=self.corners)
 
     def leads(self, free: Cells) -> bool:
         """Return whether the body, which may turn anywhere, gets through cells (nx, ny, nz).
@@ -82,8 +68,6 @@ class Passage:
         connected = self.lets_turn(free)
         if not connected or len(self.offsets) < 2:
             return connected
-        from scipy import ndimage
-
         layers = []
         for turn in 2.0 * np.pi / HEADINGS * np.arange(HEADINGS):
             poses = np.ones(free.shape[:2], np.bool_)
@@ -91,11 +75,8 @@ class Passage:
                 along = offset / self.size * np.array([np.cos(turn), np.sin(turn)])
                 poses &= _shifted(free[:, :, 0], *np.rint(along).astype(int).tolist())
             layers.append(poses)
-        labels, count = ndimage.label(np.stack([*layers, layers[0]]), np.ones((3, 3, 3)))
-        same = _merged(count, labels[0][layers[0]], labels[-1][layers[0]])  # the first one again
         ends = [(slice(None), *self._about(cell)[:2]) for cell in (self.start, self.goal)]
-        near = [set(np.unique(same[labels[where]])) - {0} for where in ends]
-        return bool(near[0] & near[1])
+        return _connected(np.stack(layers), *ends, corners=True, rounds=True)
 
     def widest(self, distances: Array) -> float:
         """Return the radius of the widest body, or of its discs, that gets through, m; or 0.
@@ -134,15 +115,17 @@ def _shifted(free: NDArray[np.bool_], i: int, j: int) -> NDArray[np.bool_]:
     return padded[abs(i) + i : abs(i) + i + nx, abs(j) + j : abs(j) + j + ny]
 
 
-def _merged(count: int, some: NDArray[np.int64], others: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return a number for each label, the same for labels that are paired; 0 for 0."""
-    from scipy import sparse
-    from scipy.sparse import csgraph
-
-    pairs = sparse.coo_matrix((np.ones(len(some)), (some, others)), (count + 1, count + 1))
-    numbers = csgraph.connected_components(pairs, directed=False)[1] + 1
-    numbers[0] = 0
-    return np.asarray(numbers, np.int64)
+def _connected(
+    free: Cells,
+    begin: tuple[slice, ...],
+    end: tuple[slice, ...],
+    *,
+    corners: bool,
+    rounds: bool = False,
+) -> bool:
+    """Return whether free cells connect a part of a grid with another; the rest as of `ways`."""
+    lengths = ways(free, _numbers(free, begin), 1.0, corners=corners, rounds=rounds)[0]
+    return bool(np.isfinite(lengths[end]).any())
 
 
 def distances_from(free: Cells, goal: tuple[int, ...], reach: int, size: float) -> Array:
@@ -151,33 +134,14 @@ def distances_from(free: Cells, goal: tuple[int, ...], reach: int, size: float) 
     Paths follow edges and diagonals, so they are up to 8 % longer than the shortest one in a plane
     and 13 % in space: divide by `DETOUR` for a lower bound.
     """
-    nodes = np.full(free.shape, -1, np.int32)
-    nodes[free] = np.arange(int(free.sum()), dtype=np.int32)
-    ends = nodes[neighbourhood(goal, reach)]
-    ends = ends[ends >= 0]
-    lengths = np.full(free.shape, np.inf)
-    if len(ends):
-        from scipy.sparse import csgraph
-
-        graph = _graph(free, nodes, size)
-        lengths[free] = csgraph.dijkstra(graph, directed=False, indices=ends, min_only=True)
-    return lengths
+    return ways(free, _numbers(free, neighbourhood(goal, reach)), size)[0]
 
 
-def _graph(free: Cells, nodes: NDArray[np.int32], size: float) -> sparse.csr_matrix:
-    """Return the graph of neighbouring free cells; weights in m."""
-    from scipy import sparse
-
-    padded = np.pad(nodes, 1, constant_values=-1)
-    heads = np.empty((int(free.sum()), len(HALF_OF_THE_NEIGHBOURS)), np.int32)  # -1: none
-    for k, step in enumerate(HALF_OF_THE_NEIGHBOURS):
-        pairs = zip(step, free.shape, strict=True)
-        heads[:, k] = padded[tuple(slice(1 + d, 1 + d + n) for d, n in pairs)][free]
-    there = heads >= 0
-    lengths = [float(np.linalg.norm(step)) * size for step in HALF_OF_THE_NEIGHBOURS]
-    weights = np.broadcast_to(lengths, heads.shape)[there]
-    ends = np.concatenate([[0], np.cumsum(there.sum(axis=1))])
-    return sparse.csr_matrix((weights, heads[there], ends), shape=(len(heads),) * 2)
+def _numbers(free: Cells, part: tuple[slice, ...]) -> NDArray[np.int64]:
+    """Return the numbers of the free cells in a part of a grid."""
+    inside = np.zeros_like(free)
+    inside[part] = free[part]
+    return np.flatnonzero(inside)
 
 
 def true_occupancy(

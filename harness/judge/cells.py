@@ -20,6 +20,7 @@ from wayproof.harness.log.paths import Array, densely
 from wayproof.harness.mission import Mission
 from wayproof.maps import FREE, OCCUPIED, UNKNOWN, states_in
 from wayproof.maps.columns import ColumnMap
+from wayproof.models.grids import distances
 
 Integers = NDArray[np.int64]
 Mask = NDArray[np.bool_]
@@ -82,12 +83,8 @@ class Cells:
 
     def clearances(self, unknown_blocks: bool) -> Array:
         """Return the distance of each cell to the nearest that the body may not overlap, cells."""
-        from scipy import ndimage
-
         wrong = np.pad(self.wrong(unknown_blocks), 1, constant_values=True)
-        inner = (slice(1, -1),) * self.axes
-        distances: Array = ndimage.distance_transform_edt(~wrong)[inner]
-        return distances
+        return distances(wrong)[(slice(1, -1),) * self.axes]
 
     def of(self, points: Array) -> Integers:
         """Return the cells (n, 2 or 3) that contain points (n, 3), m.

@@ -80,7 +80,7 @@ def refuse_no_way(world: World, spec: RobotSpec, start: Point, goals: tuple[Poin
 
 
 MOST_CELLS = 1_000_000
-"""Largest grid whose cells are all searched; it takes 230 bytes for each."""
+"""Largest grid whose cells are all searched; it takes 50 bytes for each."""
 
 PLANNER = PlannerConfig(
     iterations=100_000, restarts=1, shortcuts=2000, clearance_weight=0.0, corner_cost=0.0

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.models.arrays import Vector3
+from wayproof.models.grids import ways
 from wayproof.models.world_files.ground import EMPTY_EXTENT, FLOOR_KIND, raise_by
 from wayproof.models.world_files.movers import around_start, stood_on_ground
 from wayproof.models.world_files.options import Ends, Found, ImportOptions
@@ -17,7 +18,7 @@ from wayproof.models.world_files.parts import bounds_of
 from wayproof.models.world_files.solids import solid_of
 from wayproof.models.world_files.terrain import Terrain, ground_heights, terrain_of
 from wayproof.models.worlds.solids import Band, HeightField, Solid
-from wayproof.models.worlds.solvability import RESOLUTION, grid_graph, label_regions
+from wayproof.models.worlds.solvability import RESOLUTION, label_regions
 
 MAX_CELLS = 300_000
 """Number of cells of `RESOLUTION` from which they are larger."""
@@ -284,14 +285,11 @@ class _Survey:
         self, region: NDArray[np.bool_], places: NDArray[np.bool_], cell: Cell
     ) -> tuple[Cell, float]:
         """Return the place of a region that is farthest from a cell on foot, and how far, m."""
-        from scipy.sparse import csgraph
-
         first = int(np.ravel_multi_index(cell, region.shape))
-        ways = csgraph.dijkstra(grid_graph(region), directed=False, indices=first)
-        ways = np.where(places & np.isfinite(ways.reshape(region.shape)),
-                        ways.reshape(region.shape), -1.0)  # fmt: skip
-        i, j = np.unravel_index(int(np.argmax(ways)), ways.shape)
-        return (int(i), int(j)), float(ways[i, j]) * self.grid.cell / RESOLUTION
+        lengths, _ = ways(region, [first], RESOLUTION)
+        lengths = np.where(places & np.isfinite(lengths), lengths, -1.0)
+        i, j = np.unravel_index(int(np.argmax(lengths)), lengths.shape)
+        return (int(i), int(j)), float(lengths[i, j]) * self.grid.cell / RESOLUTION
 
     def _to_edges(self, floors: Sequence[Solid]) -> NDArray[np.float64]:  # (nx, ny)
         """Return distances to where no floor is, and to the border of the area, m."""

@@ -7,17 +7,14 @@ centre to the nearest solid that stands in the body's height band. What moves is
 from __future__ import annotations
 
 from math import ceil, floor
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wayproof.models._jit import kernel
+from wayproof.kernel_compiler import kernel
+from wayproof.models.grids import distances, ways
 from wayproof.models.worlds.solids import Band, Solid
 from wayproof.models.worlds.world import World
-
-if TYPE_CHECKING:
-    from scipy import sparse
 
 RESOLUTION = 0.05
 """Side of a cell, m."""
@@ -201,15 +198,11 @@ def _grid_path(
     free: NDArray[np.bool_], start: tuple[int, int], goal: tuple[int, int]
 ) -> NDArray[np.int64] | None:  # (n, 2)
     """Return cells of a shortest 8-connected path, both ends included."""
-    from scipy.sparse import csgraph
-
     if not (free[start] and free[goal]):
         return None
     first = int(np.ravel_multi_index(start, free.shape))
     node = int(np.ravel_multi_index(goal, free.shape))
-    previous = csgraph.dijkstra(
-        grid_graph(free), directed=False, indices=first, return_predecessors=True
-    )[1]
+    previous = ways(free, [first], RESOLUTION, until=node)[1]
     path = [node]
     while node != first:
         node = int(previous[node])
@@ -217,40 +210,6 @@ def _grid_path(
             return None
         path.append(node)
     return np.stack(np.unravel_index(path[::-1], free.shape), axis=1)
-
-
-def grid_graph(free: NDArray[np.bool_]) -> sparse.csr_matrix:
-    """Return edges between neighbouring free cells (nx, ny) by their numbers, m."""
-    from scipy import sparse
-
-    most = 4 * np.count_nonzero(free)
-    lengths, heads = np.empty(most), np.empty(most, np.int32)
-    ends = np.zeros(free.size + 1, np.int32)
-    count = list_edges(free, lengths, heads, ends)
-    return sparse.csr_matrix((lengths[:count], heads[:count], ends), (free.size, free.size))
-
-
-@kernel
-def list_edges(
-    free: NDArray[np.bool_],  # (nx, ny)
-    lengths: NDArray[np.float64],  # (edges,) out, m
-    heads: NDArray[np.int32],  # (edges,) out
-    ends: NDArray[np.int32],  # (nx ny + 1,) out
-) -> int:
-    """List the edges of each free cell to those after it, by their number; return how many."""
-    nx, ny = free.shape
-    straight, diagonal = RESOLUTION, np.sqrt(2.0) * RESOLUTION
-    count = 0
-    for i in range(nx):
-        for j in range(ny):
-            for di, dj in ((0, 1), (1, -1), (1, 0), (1, 1)):
-                x, y = i + di, j + dj
-                if free[i, j] and x < nx and 0 <= y < ny and free[x, y]:
-                    heads[count] = x * ny + y
-                    lengths[count] = diagonal if di * dj else straight
-                    count += 1
-            ends[i * ny + j + 1] = count
-    return count
 
 
 def _taut(free: NDArray[np.bool_], cells: NDArray[np.int64]) -> list[int]:
@@ -262,11 +221,12 @@ def _taut(free: NDArray[np.bool_], cells: NDArray[np.int64]) -> list[int]:
 
 
 def warm_up() -> None:
-    """Compile the search of ways and their corners, and load scipy's search."""
+    """Compile the search of ways and their corners, and distances."""
     free = np.ones((3, 3), np.bool_)
     label_regions(free)
     _grid_path(free, (0, 0), (2, 2))
     _taut(free, np.array([[0, 0], [1, 1], [2, 2]]))
+    distances(free)
 
 
 @kernel

@@ -14,7 +14,6 @@ from wayproof.models.worlds.solvability import (
     AIR_BANDS,
     GROUND_BAND,
     REFERENCE_RADIUS,
-    list_edges,
     number_regions,
 )
 from wayproof.models.worlds.world import World
@@ -34,24 +33,6 @@ def room(*boxes: Box) -> World:
         start_heading=0.0,
         goal=(8.025, 3.025, 0.0),
     )
-
-
-def test_edges_join_free_neighbours_once_and_in_order():
-    rng = np.random.default_rng(8)
-    for shape in ((9, 7), (1, 6), (6, 1)):
-        free = rng.random(shape) < 0.7
-        lengths, heads = np.empty(4 * free.size), np.empty(4 * free.size, np.int32)
-        ends = np.zeros(free.size + 1, np.int32)
-        count = list_edges(free, lengths, heads, ends)
-        expected = [
-            (tail, head, 0.05 * np.sqrt(abs(x - i) + abs(y - j)))
-            for tail, (i, j) in enumerate(np.ndindex(shape))
-            for head, (x, y) in enumerate(np.ndindex(shape))
-            if tail < head and max(abs(x - i), abs(y - j)) == 1 and free[i, j] and free[x, y]
-        ]
-        tails = np.repeat(np.arange(free.size), np.diff(ends))
-        found = zip(tails.tolist(), heads[:count].tolist(), lengths[:count].tolist(), strict=True)
-        assert [*found] == expected
 
 
 @pytest.mark.parametrize("shape", [(40, 30), (1, 6), (6, 1)])
