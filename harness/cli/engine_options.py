@@ -12,14 +12,6 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
 
 from wayproof.harness.cli.verb import arg, arguments
 from wayproof.harness.errors import InputError, unknown_name
@@ -83,6 +75,15 @@ class Watch:
 
     def __init__(self, console: Console, episodes: int | None, missing: int = 0) -> None:
         """Show progress over `episodes` (None if unknown), of which `missing` remain."""
+        from rich.progress import (  # slow to load, and every command reads this module
+            BarColumn,
+            MofNCompleteColumn,
+            Progress,
+            TextColumn,
+            TimeElapsedColumn,
+            TimeRemainingColumn,
+        )
+
         self._errors, self._done, self._missing = 0, 0, missing
         self._next_line = time.monotonic() + EACH_S
         self._progress = Progress(

@@ -18,7 +18,8 @@ WORLDS = Path("worlds")
 
 def run(options: argparse.Namespace, console: Console) -> tuple[int, Document]:
     """Read a file, write the world file, and print what was left out."""
-    from wayproof.models.world_files import ImportOptions, WorldFileError, import_world
+    from wayproof.models.world_files import ImportOptions, WorldFileError
+    from wayproof.models.world_files.importer import import_world
 
     out = options.out or WORLDS / f"{options.file.stem}.xml"
     check_ending("--out", out, ".xml")

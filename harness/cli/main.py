@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import gc
+import os
 import sys
 from collections.abc import Sequence
 
@@ -100,7 +101,20 @@ def _run(
             return exit_code, {}
     if exit_handler is not None:
         exit_handler.allowed = runs_only_our_code(options)
+        if exit_handler.allowed and options.verb == "run":
+            _load_physics()
     return COMMANDS[options.verb].run(options, console)
+
+
+def _load_physics() -> None:
+    """Load MuJoCo without GLFW, which takes a twentieth of a short command: nothing here draws."""
+    given = os.environ.get("MUJOCO_GL")
+    os.environ["MUJOCO_GL"] = "disable"
+    import mujoco  # noqa: F401
+
+    del os.environ["MUJOCO_GL"]  # a stack in a process of its own may draw
+    if given is not None:
+        os.environ["MUJOCO_GL"] = given
 
 
 def parse(words: Sequence[str]) -> argparse.Namespace:

@@ -13,7 +13,6 @@ from wayproof.harness.errors import InputError
 from wayproof.harness.scenario.robots import find_robot
 from wayproof.models.robots import RobotSpec
 from wayproof.models.world_files import (
-    FORMATS,
     FileWorld,
     ImportOptions,
     WorldFileError,
@@ -21,6 +20,7 @@ from wayproof.models.world_files import (
     world_text,
 )
 from wayproof.models.world_files.ends import complete
+from wayproof.models.world_files.importer import FORMATS
 
 WORLDS = Path("worlds")
 """Folder of the world files, one folder in it for each study."""

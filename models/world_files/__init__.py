@@ -1,6 +1,5 @@
 """Worlds from files of other tools, and the world files that they become."""
 
-from wayproof.models.world_files.importer import FORMATS, import_world
 from wayproof.models.world_files.options import Found, ImportOptions
 from wayproof.models.world_files.reading import WorldFileError
 from wayproof.models.world_files.shape import shape_digest
@@ -13,12 +12,10 @@ from wayproof.models.world_files.world_file import (
 )
 
 __all__ = [
-    "FORMATS",
     "FileWorld",
     "Found",
     "ImportOptions",
     "WorldFileError",
-    "import_world",
     "read_world_file",
     "shape_digest",
     "world_in_scene",

@@ -21,7 +21,8 @@ from tests.tools.soak.worlds import draw_batch
 from wayproof.harness.errors import InputError
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.recordings.formats import open_recording
-from wayproof.models.world_files import FORMATS, ImportOptions, import_world
+from wayproof.models.world_files import ImportOptions
+from wayproof.models.world_files.importer import FORMATS, import_world
 from wayproof.models.world_files.octomaps import read_octomap
 from wayproof.models.worlds import WORLDS
 

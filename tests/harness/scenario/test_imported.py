@@ -21,7 +21,8 @@ from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import build
 from wayproof.harness.scenario.scene_text import safe_scene
 from wayproof.maps import UNKNOWN
-from wayproof.models.world_files import ImportOptions, import_world
+from wayproof.models.world_files import ImportOptions
+from wayproof.models.world_files.importer import import_world
 
 
 def saved(folder, world):

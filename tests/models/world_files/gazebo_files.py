@@ -1,6 +1,7 @@
 """Gazebo worlds and meshes that tests write."""
 
-from wayproof.models.world_files import ImportOptions, import_world
+from wayproof.models.world_files import ImportOptions
+from wayproof.models.world_files.importer import import_world
 
 ENDS = {"start": (0.0, 0.0, 0.0), "goal": (3.0, 0.0, 0.0)}
 

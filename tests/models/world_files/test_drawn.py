@@ -5,7 +5,8 @@ import os
 import pytest
 
 from tests.models.world_files.drawn import FORMATS, draw, wrong_rays
-from wayproof.models.world_files import ImportOptions, WorldFileError, import_world
+from wayproof.models.world_files import ImportOptions, WorldFileError
+from wayproof.models.world_files.importer import import_world
 
 EXAMPLES = int(os.environ.get("DRAWN_WORLDS", "20"))
 ENDS = {"start": (-7.0, -7.0, 0.0), "goal": (7.0, 7.0, 0.0)}

@@ -7,7 +7,8 @@ import pytest
 
 from tests.models.world_files.gazebo_files import ENDS, box, ground, world
 from tests.models.world_files.written import MAP, one_ray, write
-from wayproof.models.world_files import ImportOptions, WorldFileError, import_world, world_of
+from wayproof.models.world_files import ImportOptions, WorldFileError, world_of
+from wayproof.models.world_files.importer import import_world
 from wayproof.models.world_files.occupancy_maps import read_occupancy_grid
 from wayproof.models.world_files.ply import read_ply
 

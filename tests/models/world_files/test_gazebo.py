@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from tests.models.world_files.gazebo_files import CUBE, box, ground, mesh, read, world, write
-from wayproof.models.world_files import ImportOptions, WorldFileError, import_world
+from wayproof.models.world_files import ImportOptions, WorldFileError
+from wayproof.models.world_files.importer import import_world
 from wayproof.models.world_files.meshes import mesh_parts
 from wayproof.models.world_files.solids import solid_of
 

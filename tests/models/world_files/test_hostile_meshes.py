@@ -7,7 +7,8 @@ import struct
 
 import pytest
 
-from wayproof.models.world_files import WorldFileError, import_world
+from wayproof.models.world_files import WorldFileError
+from wayproof.models.world_files.importer import import_world
 
 TRIANGLE = struct.pack("<9f", 0, 0, 0, 1, 0, 0, 0, 1, 0)
 PLY = (

@@ -18,7 +18,8 @@ from tests.models.world_files.written import (
     sdf,
     write,
 )
-from wayproof.models.world_files import ImportOptions, WorldFileError, import_world, read_world_file
+from wayproof.models.world_files import ImportOptions, WorldFileError, read_world_file
+from wayproof.models.world_files.importer import import_world
 from wayproof.models.world_files.parts import Part, quaternion_of, rotation_of, turned_by
 from wayproof.models.world_files.solids import solid_of
 from wayproof.models.worlds import WORLDS

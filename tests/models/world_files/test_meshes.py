@@ -5,8 +5,9 @@ import pytest
 from scipy.spatial import ConvexHull
 
 from tests.models.world_files.gazebo_files import CUBE, box, ground, mesh, read, world, write
-from wayproof.models.world_files import WorldFileError, import_world
+from wayproof.models.world_files import WorldFileError
 from wayproof.models.world_files.hulls import prisms
+from wayproof.models.world_files.importer import import_world
 from wayproof.models.world_files.meshes import (
     cell_parts,
     is_closed,

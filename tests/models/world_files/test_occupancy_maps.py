@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from tests.models.world_files.written import ENDS, MAP, PCD_HEAD, imported, write
-from wayproof.models.world_files import ImportOptions, WorldFileError, import_world
+from wayproof.models.world_files import ImportOptions, WorldFileError
 from wayproof.models.world_files.cells import merged_boxes, read_voxels
+from wayproof.models.world_files.importer import import_world
 from wayproof.models.world_files.occupancy_maps import read_occupancy_grid
 from wayproof.models.world_files.octomaps import read_octomap
 

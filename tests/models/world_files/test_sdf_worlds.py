@@ -8,13 +8,8 @@ import numpy as np
 import pytest
 
 from tests.models.world_files.written import PILLAR, SDF, imported, one_ray, sdf, write
-from wayproof.models.world_files import (
-    ImportOptions,
-    WorldFileError,
-    import_world,
-    movers,
-    world_of,
-)
+from wayproof.models.world_files import ImportOptions, WorldFileError, movers, world_of
+from wayproof.models.world_files.importer import import_world
 from wayproof.models.world_files.movers import MAX_MOVERS
 from wayproof.models.worlds.pedestrians import PERSON
 

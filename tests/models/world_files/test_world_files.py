@@ -17,7 +17,8 @@ from tests.models.world_files.written import (
     sdf,
     write,
 )
-from wayproof.models.world_files import WorldFileError, import_world, read_world_file
+from wayproof.models.world_files import WorldFileError, read_world_file
+from wayproof.models.world_files.importer import import_world
 from wayproof.models.world_files.options import Ends, Found
 from wayproof.models.world_files.parts import Part
 from wayproof.models.world_files.shape import shape_digest

@@ -3,7 +3,8 @@
 import mujoco
 import numpy as np
 
-from wayproof.models.world_files import ImportOptions, import_world
+from wayproof.models.world_files import ImportOptions
+from wayproof.models.world_files.importer import import_world
 
 ENDS = {"start": (0.0, 0.0, 0.0), "goal": (3.0, 0.0, 0.0)}
 

@@ -15,7 +15,8 @@ from tests.tools.soak.fuzz import mutate, mutate_values
 from tests.tools.soak.import_sources import SOURCES
 from wayproof.harness.bench.table import Progress
 from wayproof.harness.errors import InputError
-from wayproof.models.world_files import ImportOptions, WorldFileError, import_world
+from wayproof.models.world_files import ImportOptions, WorldFileError
+from wayproof.models.world_files.importer import import_world
 
 TEXTS = (".world", ".urdf", ".dae", ".gltf", ".obj", ".yaml")
 """Endings of the files whose numbers and strings are exchanged, besides bytes."""
