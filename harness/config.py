@@ -14,15 +14,12 @@ from wayproof.harness.perturbations.perturbation import LATE
 from wayproof.harness.prediction_config import NO_PREDICTOR, PredictionConfig, is_outside
 from wayproof.harness.prior_config import NO_PRIOR, PriorConfig
 from wayproof.harness.recording_config import RecordingConfig
-from wayproof.kernel_cache import load_without_compiler
 from wayproof.maps import CostmapConfig, MapConfig
 from wayproof.models.classes import CLASSES
 from wayproof.models.pose_model import PoseModelConfig
 from wayproof.models.sensors.devices import SensorConfig
 from wayproof.models.world_parameters import PLACES, WorldParameters
 from wayproof.planners import PlannerConfig
-
-load_without_compiler()  # here, as whatever runs kernels has settings, and numba is loaded by now
 
 MOST_WAYPOINTS = 100
 

@@ -17,6 +17,7 @@ from wayproof import maps, planners
 from wayproof.harness.config import Config
 from wayproof.harness.estimators import line_map, surface_map
 from wayproof.harness.scenario.robots import find_robot, warm_up_robot
+from wayproof.kernel_cache import note_missed
 from wayproof.maps import echo_history, ground_fit, missing_floor, range_image
 from wayproof.models import rays, step_kernels, truth
 from wayproof.models.robots import ROBOTS
@@ -75,6 +76,7 @@ def compile_part(part: Callable[[Config], None], robots: Sequence[str]) -> None:
 def main() -> None:
     """Fill the cache of compiled kernels."""
     began = time.perf_counter()
+    note_missed(__name__)  # said once, not by each process
     with ProcessPoolExecutor(2, mp_context=get_context("fork")) as pool:
         for compiled in [pool.submit(compile_part, *part) for part in parts()]:
             compiled.result()

@@ -15,7 +15,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.maps._jit import kernel
+from wayproof.kernel_compiler import kernel
 
 Long = tuple[float, float]
 """A number as the sum of two floats, the second at most half a unit in the last place of the first.

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
 from wayproof.kernel_compiler import kernel
 
 Cells = NDArray[np.bool_]

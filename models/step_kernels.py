@@ -23,7 +23,7 @@ from typing import NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.models._jit import kernel
+from wayproof.kernel_compiler import kernel
 from wayproof.models.arrays import Array
 
 BANDWIDTH = 10.0

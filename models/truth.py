@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.models._jit import allocating
+from wayproof.kernel_compiler import allocating
 from wayproof.models.sensors.caster import ROBOT_GROUP
 
 REST_SPEED = 0.05

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import ruckig
 
-from wayproof.maps._jit import kernel
+from wayproof.kernel_compiler import kernel
 from wayproof.planners.kernels.grid import Floats
 
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wayproof.maps._jit import kernel
+from wayproof.kernel_compiler import kernel
 from wayproof.planners import jerk_limited
 from wayproof.planners.jerk_limited import (
     AxisLimits,

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wayproof.maps._jit import kernel
+from wayproof.kernel_compiler import kernel
 from wayproof.planners.kernels.angles import edge_headings
 from wayproof.planners.kernels.curvature import limit_speeds
 from wayproof.planners.kernels.grid import Floats

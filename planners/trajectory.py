@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.maps._jit import kernel
+from wayproof.kernel_compiler import kernel
 from wayproof.planners import jerk_limited
 from wayproof.planners.jerk_limited import AxisLimits, Profile
 from wayproof.planners.kernels.grid import Floats

@@ -9,13 +9,15 @@ from pathlib import Path
 import pytest
 
 import wayproof
-from wayproof.kernel_cache import ALWAYS_USED, any_cached, cache_of, delete_unused, kernel_digest
+from wayproof.kernel_cache import delete_unused, kernel_digest
 
 SOURCE = Path(wayproof.__file__).parent
-CALLER = "from wayproof.maps import rates\nfrom wayproof.maps._jit import kernel\n"
+CALLER = "from wayproof.maps import rates\nfrom wayproof.kernel_compiler import kernel\n"
 CALLER += "from wayproof.maps.callee import doubled\n\n\n"
 CALLER += "@kernel\ndef answer(x):\n    return doubled(x) + rates.RATE\n"
-CALLEE = "from wayproof.maps._jit import kernel\n\n\n@kernel\ndef doubled(x):\n    return 2 * x\n"
+CALLEE = (
+    "from wayproof.kernel_compiler import kernel\n\n\n@kernel\ndef doubled(x):\n    return 2 * x\n"
+)
 
 
 @pytest.fixture
@@ -25,7 +27,7 @@ def package(tmp_path):
     for name in ("harness", "maps", "models", "planners"):
         (root / name).mkdir(parents=True)
         (root / name / "__init__.py").touch()
-    for name in ("kernel_cache.py", "maps/_jit.py"):
+    for name in ("kernel_cache.py", "kernel_compiler.py"):
         shutil.copy(SOURCE / name, root / name)
     start = "from wayproof.kernel_cache import use_kernel_cache\n\nuse_kernel_cache()\n"
     (root / "__init__.py").write_text(start)
@@ -70,17 +72,14 @@ def test_a_change_of_a_callee_or_a_constant_in_another_file_is_seen(package):
 
 
 def test_what_is_cached_is_loaded_without_what_a_compiler_needs(package):
-    lean = "from wayproof.kernel_cache import load_without_compiler", "load_without_compiler()"
     compiler = "{'numba.np.arraymath', 'numba.np.npyimpl', 'scipy.linalg'} & set(sys.modules)"
-    assert answer(package, "import sys", *lean, then=f"assert {compiler}") == 41
-    assert answer(package, "import sys", *lean, then=f"assert not {compiler}") == 41
+    assert answer(package, "import sys", then=f"assert {compiler}") == 41
+    assert answer(package, "import sys", then=f"assert not {compiler}") == 41
 
 
-LARGEST = "from wayproof.maps._jit import allocating\n\n\n"
+LARGEST = "from wayproof.kernel_compiler import allocating\n\n\n"
 LARGEST += "@allocating\ndef answer(n):\n    a = np.arange(n)\n    return a.max()\n"
 NEW = """
-from wayproof.kernel_cache import load_without_compiler
-load_without_compiler()
 import numba, sys
 from wayproof.maps.caller import answer
 assert answer(42) == 41
@@ -113,9 +112,8 @@ UFUNC += "def doubled(x):\n    return 2.0 * x\n"
 def test_kernels_of_others_are_loaded_as_numba_does(package):
     """A cached ufunc of a stack could not be imported a second time."""
     (package.parent / "stack.py").write_text(UFUNC)
-    lean = "from wayproof.kernel_cache import load_without_compiler", "load_without_compiler()"
     for _ in range(2):
-        assert answer(package, *lean, then="import stack; assert stack.doubled(1.0) == 2.0") == 41
+        assert answer(package, then="import stack; assert stack.doubled(1.0) == 2.0") == 41
 
 
 def test_files_that_no_kernel_imports_do_not_matter(package):
@@ -150,10 +148,41 @@ def test_a_second_checkout_finds_the_kernels_of_the_first(package, tmp_path, mon
     assert written[1] == written[0] < written[2]
 
 
-def test_a_cache_is_filled_by_our_kernels_alone(tmp_path, monkeypatch):
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    assert not any_cached()
-    for folder, found in ((tmp_path / "kernels_0", False), (Path(cache_of(ALWAYS_USED)), True)):
-        folder.mkdir()
-        (folder / "beams.nbi").touch()
-        assert any_cached() == found
+SAID = "wayproof: compiling kernels (a minute the first time, then cached)\n"
+TWO = """
+from wayproof.kernel_cache import any_missed
+from wayproof.maps.callee import doubled
+from wayproof.maps.caller import answer
+import numba
+numba.njit(lambda x: x + 1)(20)
+assert not any_missed()
+answer(20)
+doubled(20)
+print(any_missed())
+"""
+
+
+def test_it_is_said_once_whenever_a_kernel_is_not_there(package):
+    """A cache that had some kernels of an episode compiled the others without a word."""
+    (package.parent / "two.py").write_text(TWO)
+    environment = environment_of(package)
+    caches = package.parent / "caches"
+
+    def said():
+        command = [sys.executable, package.parent / "two.py"]
+        ended = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+        assert ended.stdout == f"{bool(ended.stderr)}\n"
+        return ended.stderr
+
+    assert [said(), said()] == [SAID, ""]
+    for some in ("answer*.nbc", "doubled*.nbi"):
+        for kept in caches.rglob(f"*.{some}"):
+            kept.unlink()
+        assert said() == SAID
+
+
+def test_kernels_that_cannot_be_kept_there_are_kept_elsewhere(package, tmp_path, monkeypatch):
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "file" / "folder"))
+    assert answer(package, named=True) == 41
+    assert any((package / "maps" / "__pycache__").glob("caller.answer*.nbc"))

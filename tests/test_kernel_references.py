@@ -11,7 +11,7 @@ import pytest
 from numba.core.dispatcher import Dispatcher
 from numba.core.errors import NumbaError
 
-from wayproof.maps._jit import allocating, kernel
+from wayproof.kernel_compiler import allocating, kernel
 
 ROOT = Path(__file__).parents[1]
 
@@ -21,7 +21,7 @@ def kernels():
     found = {}
     for folder in ("harness", "maps", "models", "planners"):
         for path in sorted((ROOT / folder).rglob("*.py")):
-            if "_jit import" in path.read_text(encoding="utf-8"):
+            if "kernel_compiler import" in path.read_text(encoding="utf-8"):
                 name = ".".join(path.relative_to(ROOT).with_suffix("").parts)
                 module = importlib.import_module(f"wayproof.{name}")
                 for value in vars(module).values():

@@ -67,7 +67,6 @@ def bench_map(repeats: int, seed: int, progress: Progress) -> list[Row]:
     `decay_ms`; memory after the last sweep, `mib`. Of OctoMap on the same sweeps: `x_octomap`, its
     median over ours, and its memory `octomap_mib`.
     """
-    progress("compiling kernels (some seconds the first time, then cached)")
     warm_up()
     rays.warm_up()
     sweeps = room_sweeps(seed)

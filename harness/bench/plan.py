@@ -61,7 +61,6 @@ def bench_plan(repeats: int, seed: int, progress: Progress) -> list[Row]:
     `length_p99`, the mean and 99th percentile of the path's length over the shortest one found.
     `astar, clear` plans with the default weights of clearance and corners: its paths are longer.
     """
-    progress("compiling kernels (some seconds the first time, then cached)")
     warm_up()
     blocked = warehouse(seed)
     rows: list[Row] = []

@@ -113,7 +113,6 @@ def bench_rays(repeats: int, seed: int, progress: Progress) -> list[Row]:
     the same sweeps over ours; `max_error_m` and `other_ids`, the largest difference in distance
     from it and the number of beams that met another geom, over all sweeps.
     """
-    progress("compiling kernels (some seconds the first time, then cached)")
     rays.warm_up()
     rows = []
     for number, scene in enumerate(SCENES, 1):

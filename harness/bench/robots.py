@@ -44,7 +44,6 @@ def bench_robots(repeats: int, seed: int, progress: Progress) -> list[Row]:
     processor time of physics and controller, the greatest and the median, `real_max` and `real`;
     `physics`, the share of MuJoCo's steps in that time.
     """
-    progress("compiling kernels (some seconds the first time, then cached)")
     warm_up_quadruped()
     warm_up_quadrotor()
     rows = []

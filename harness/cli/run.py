@@ -6,7 +6,6 @@ import argparse
 import contextlib
 import errno
 import hashlib
-import sys
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
@@ -125,13 +124,11 @@ def _saved(view: str) -> Path | None:
     return None if view == WINDOW else Path(view)
 
 
-COMPILING = "compiling kernels (a minute the first time, then cached)"
-
-
 def run_one(config: Config, path: Path, console: Console, view: str | None = None) -> Result:
     """Build the scenario and run the episode with a live line.
 
-    Kernels are loaded as they are called, unless wall time counts or none was ever compiled.
+    Kernels are loaded as they are called, unless wall time counts or the first ones had to be
+    compiled.
 
     Args:
         config: Config of the episode.
@@ -148,10 +145,9 @@ def run_one(config: Config, path: Path, console: Console, view: str | None = Non
     from wayproof.harness.scenario.scenario import build
     from wayproof.harness.supervision import bound_memory
     from wayproof.harness.user_code import plugins_of
-    from wayproof.kernel_cache import any_cached
+    from wayproof.kernel_cache import any_missed
 
     refuse_inputs(path, (config.prior.source, config.world, config.robot))
-    cached = any_cached()
     bound_memory(config.plugins.memory_mib)
     scenario = build(config)
     for warning in scenario.warnings:
@@ -160,13 +156,10 @@ def run_one(config: Config, path: Path, console: Console, view: str | None = Non
     with hold_log(path) as draft:
         warn_of_kept(draft)
         try:
-            if config.latency.mode == "measured" or plugins_of(config) or not cached:
+            if config.latency.mode == "measured" or plugins_of(config) or any_missed():
                 from wayproof.harness.warm_up import warm_up  # wall time counts in the episode
 
-                if not (console.is_terminal or cached):  # else a minute without a word
-                    print(f"wayproof: {COMPILING}", file=sys.stderr, flush=True)
-                with console.status(COMPILING):
-                    warm_up(config)
+                warm_up(config)
             with _viewed(draft, view, console), line:
                 return run_episode(scenario, draft, line.observe)
         except KeyboardInterrupt:

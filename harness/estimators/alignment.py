@@ -16,7 +16,7 @@ from wayproof.harness.estimators.voxels import (
     slot_of,
     voxel_key,
 )
-from wayproof.models._jit import allocating, kernel
+from wayproof.kernel_compiler import allocating, kernel
 from wayproof.models.arrays import Array
 
 LEAST_INLIERS = 20

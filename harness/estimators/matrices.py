@@ -6,7 +6,7 @@ from math import sqrt
 
 import numpy as np
 
-from wayproof.models._jit import kernel
+from wayproof.kernel_compiler import kernel
 from wayproof.models.arrays import Array
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wayproof.harness.estimators.matrices import diagonalize
-from wayproof.models._jit import allocating, kernel
+from wayproof.kernel_compiler import allocating, kernel
 from wayproof.models.arrays import Array
 
 EMPTY = -1

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.maps._jit import allocating, kernel
+from wayproof.kernel_compiler import allocating, kernel
 from wayproof.maps.elementary import _norm, _sine_cosine
 from wayproof.models.sensors.beams import DROPPED, NO_RETURN
 

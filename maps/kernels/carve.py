@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.maps._jit import kernel
+from wayproof.kernel_compiler import kernel
 from wayproof.maps.kernels.beam_columns import HALF_PITCH, clip, traverse
 from wayproof.maps.kernels.beam_targets import OUTSIDE, SPARING, Targets, Window
 from wayproof.maps.kernels.beams import HALVES, HALVES_BITS, MAX_BEAM_CELLS, SUBCELLS

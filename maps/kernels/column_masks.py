@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.maps._jit import inlined
+from wayproof.kernel_compiler import inlined
 from wayproof.maps.kernels.beam_columns import FRACTION_BITS
 from wayproof.maps.kernels.beam_targets import OWN_LAYER
 from wayproof.maps.kernels.beams import HALVES, HALVES_BITS, ONE, SUBCELLS, TWO

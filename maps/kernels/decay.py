@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.maps._jit import kernel
+from wayproof.kernel_compiler import kernel
 from wayproof.maps.kernels.bricks import BrickArrays
 
 LOSS_BITS = 40

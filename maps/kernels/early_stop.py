@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.maps._jit import inlined, kernel
+from wayproof.kernel_compiler import inlined, kernel
 from wayproof.maps.kernels.beam_targets import Window
 from wayproof.maps.kernels.beams import HALVES, HALVES_BITS, ONE, SUBCELLS, TWO
 from wayproof.maps.kernels.column_masks import FULL

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.maps._jit import inlined, kernel
+from wayproof.kernel_compiler import inlined, kernel
 from wayproof.maps.kernels.beams import DROPPED_MM, NO_RETURN_MM
 
 ACROSS = 16

@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.maps._jit import kernel
+from wayproof.kernel_compiler import kernel
 
 MAX_REACH = 181  # cells; twice its square still fits 16 bits
 FAR = 32767  # above every squared distance; the greatest of them added, it still fits 16 bits

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.maps._jit import kernel
+from wayproof.kernel_compiler import kernel
 
 HALVES_BITS = 10
 HALVES = 1 << HALVES_BITS  # to a cell

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.maps._jit import kernel
+from wayproof.kernel_compiler import kernel
 from wayproof.maps.kernels.beams import (
     DROPPED_MM,
     FLOOR_SUBCELLS,

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.maps._jit import allocating, kernel
+from wayproof.kernel_compiler import allocating, kernel
 
 WORD_BITS = 64
 NOWHERE = -1

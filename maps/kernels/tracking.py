@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.maps._jit import allocating, kernel
+from wayproof.kernel_compiler import allocating, kernel
 from wayproof.maps.kernels.bricks import EDGE, EDGE_BITS
 
 ALL = np.uint64(0xFFFFFFFFFFFFFFFF)

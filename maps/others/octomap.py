@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wayproof.maps._jit import allocating
+from wayproof.kernel_compiler import allocating
 from wayproof.maps.cell_sets import CellMask
 from wayproof.maps.columns import WORD_BITS, pack
 from wayproof.maps.config import MapConfig

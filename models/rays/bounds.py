@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.models._jit import kernel
+from wayproof.kernel_compiler import kernel
 from wayproof.models.arrays import Array, Vector3
 from wayproof.models.rays.records import Geoms
 from wayproof.models.rays.shapes import PLANE

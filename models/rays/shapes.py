@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 
-from wayproof.models._jit import kernel
+from wayproof.kernel_compiler import kernel
 from wayproof.models.arrays import Vector3
 
 PLANE, SPHERE, CAPSULE, ELLIPSOID, CYLINDER, BOX = 0, 2, 3, 4, 5, 6

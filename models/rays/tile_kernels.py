@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.models._jit import allocating, kernel
+from wayproof.kernel_compiler import allocating, kernel
 from wayproof.models.arrays import Array, Vector3
 from wayproof.models.rays.bounds import enclose, fit_cone, may_meet, select_views
 from wayproof.models.rays.records import Geoms, Pattern, Room, Soup, Sweep, Waiting

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.models._jit import kernel
+from wayproof.kernel_compiler import kernel
 from wayproof.models.rays.bounds import fit_cones
 from wayproof.models.rays.records import Pattern
 

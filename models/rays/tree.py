@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.models._jit import allocating, kernel
+from wayproof.kernel_compiler import allocating, kernel
 from wayproof.models.arrays import Array
 
 BOX_MARGIN = 1e-9

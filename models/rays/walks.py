@@ -16,7 +16,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.models._jit import inlined
+from wayproof.kernel_compiler import inlined
 from wayproof.models.arrays import Array, Vector3
 from wayproof.models.rays.records import Soup, Waiting
 from wayproof.models.rays.tree import CHILDREN, LEAF_BITS

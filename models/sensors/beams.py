@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.models._jit import kernel
+from wayproof.kernel_compiler import kernel
 
 NO_RETURN = np.uint16(65535)
 """Report of a beam that met nothing within range: it clears space up to the sensor's range."""

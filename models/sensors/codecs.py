@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.models._jit import kernel
+from wayproof.kernel_compiler import kernel
 
 GRAIN = 2.0**-20
 """Grain of a coordinate of a unit direction: 1e-6 rad."""

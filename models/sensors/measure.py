@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.models._jit import allocating
+from wayproof.kernel_compiler import allocating
 from wayproof.models.sensors.beams import DROPPED, MILLIMETRES, NO_RETURN
 from wayproof.models.sensors.devices.device import Device, RangeNoise
 

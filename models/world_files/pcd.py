@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.models._jit import kernel
+from wayproof.kernel_compiler import kernel
 from wayproof.models.world_files.cells import cells_of_points
 from wayproof.models.world_files.options import Found, ImportOptions
 from wayproof.models.world_files.reading import WorldFileError, check_file

@@ -10,8 +10,8 @@ from math import ceil, floor
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from wayproof.kernel_compiler import kernel
 
+from wayproof.kernel_compiler import kernel
 from wayproof.models.grids import distances, ways
 from wayproof.models.worlds.solids import Band, Solid
 from wayproof.models.worlds.world import World

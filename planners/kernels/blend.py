@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from wayproof.maps._jit import allocating
+from wayproof.kernel_compiler import allocating
 from wayproof.planners.kernels.grid import Discs, Floats, Grid, Point
 from wayproof.planners.kernels.headed import path_free
 from wayproof.planners.kernels.polyline import LEAST_EDGE, distance, row

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from wayproof.maps._jit import kernel
+from wayproof.kernel_compiler import kernel
 from wayproof.planners.kernels.grid import (
     SUBCELL_BITS,
     Discs,

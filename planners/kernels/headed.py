@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from wayproof.maps._jit import kernel
+from wayproof.kernel_compiler import kernel
 from wayproof.planners.kernels.angles import yaw_of_direction
 from wayproof.planners.kernels.free_box import any_heading_free
 from wayproof.planners.kernels.grid import Cell, Discs, Floats, Grid

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.maps._jit import allocating, kernel
+from wayproof.kernel_compiler import allocating, kernel
 from wayproof.planners.kernels.bucket_queue import bucket_of, insert, remove
 from wayproof.planners.kernels.lattice_cells import (
     BLOCKED,

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.maps._jit import kernel
+from wayproof.kernel_compiler import kernel
 
 UNSEEN = 0
 """Rate of a lattice cell that has not been looked up; 0, so that its memory is not yet written."""

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from wayproof.maps._jit import allocating, kernel
+from wayproof.kernel_compiler import allocating, kernel
 from wayproof.planners.kernels.grid import Floats, Point
 
 LEAST_EDGE = 1e-6

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wayproof.maps._jit import allocating, kernel
+from wayproof.kernel_compiler import allocating, kernel
 from wayproof.planners.kernels.angles import yaw_of_direction
 from wayproof.planners.kernels.grid import Discs, Floats, Grid, Point, Pose
 from wayproof.planners.kernels.polyline import between, distance

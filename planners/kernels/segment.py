@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 
-from wayproof.maps._jit import kernel
+from wayproof.kernel_compiler import kernel
 from wayproof.planners.kernels.grid import (
     FARTHEST_CELL,
     OUTSIDE,

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from wayproof.maps._jit import allocating, kernel
+from wayproof.kernel_compiler import allocating, kernel
 from wayproof.planners.kernels.grid import Floats, Grid, Point
 from wayproof.planners.kernels.polyline import between, distance, locate, row
 from wayproof.planners.kernels.segment import edge_cost

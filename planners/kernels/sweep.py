@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.maps._jit import allocating, kernel
+from wayproof.kernel_compiler import allocating, kernel
 from wayproof.planners.kernels.angles import cosine_sine, wrap
 from wayproof.planners.kernels.free_box import body_box_free
 from wayproof.planners.kernels.grid import (

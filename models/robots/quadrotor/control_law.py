@@ -11,7 +11,7 @@ from math import cos, floor, pi, sin, sqrt
 
 import numpy as np
 
-from wayproof.models._jit import allocating, kernel
+from wayproof.kernel_compiler import allocating, kernel
 from wayproof.models.arrays import Array
 from wayproof.models.robots.kernel_data import cross, dot
 from wayproof.models.robots.quadrotor.parameters import GRAVITY, Airframe, Gains, Smoothing

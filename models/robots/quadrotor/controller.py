@@ -8,7 +8,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from wayproof.models._jit import allocating
+from wayproof.kernel_compiler import allocating
 from wayproof.models.arrays import Array
 from wayproof.models.robots.kernel_data import dot, packed, rotation_from_quaternion
 from wayproof.models.robots.quadrotor.control_law import (

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from wayproof.models._jit import allocating, kernel
+from wayproof.kernel_compiler import allocating, kernel
 from wayproof.models.arrays import Array
 from wayproof.models.robots.quadruped.legs import observe
 from wayproof.models.robots.quadruped.parameters import Gait, Geometry, Tracking

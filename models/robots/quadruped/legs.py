@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from wayproof.models._jit import allocating, kernel
+from wayproof.kernel_compiler import allocating, kernel
 from wayproof.models.arrays import Array
 from wayproof.models.robots.kernel_data import add_cross, rotate, rotation_from_quaternion
 from wayproof.models.robots.quadruped.parameters import Actuators, Gait, Geometry, Legs

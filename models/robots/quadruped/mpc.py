@@ -18,7 +18,7 @@ from math import cos, hypot, sin, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.models._jit import allocating, kernel
+from wayproof.kernel_compiler import allocating, kernel
 from wayproof.models.arrays import Array
 from wayproof.models.robots.quadruped.parameters import Prediction
 from wayproof.models.robots.quadruped.reference import Horizon

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from wayproof.models._jit import allocating, kernel
+from wayproof.kernel_compiler import allocating, kernel
 from wayproof.models.arrays import Array
 from wayproof.models.robots.quadruped.parameters import Gait, Geometry
 
