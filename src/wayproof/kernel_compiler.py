@@ -8,6 +8,7 @@ are never used. Here a kernel that another calls is a part of that one's code, o
 from __future__ import annotations
 
 import functools
+import inspect
 import sys
 from collections.abc import Callable
 from typing import Any, TypeVar
@@ -67,6 +68,8 @@ def inlined(function: Function) -> Function:
 def _compiled(function: Function, **options: Any) -> Function:
     if settings.DISABLE_JIT:
         return function
+    named: Any = function
+    named.__signature__ = inspect.signature(function)  # else numba finds it out twice
     made: Function = Kernel(function, targetoptions={**OPTIONS, **options})
     return made
 
@@ -151,10 +154,15 @@ class Kernel(dispatcher_class):  # type: ignore[misc]
         targetoptions: dict[str, Any] | None = None,
         pipeline_class: Any = compiler.Compiler,
     ) -> None:
-        """Make a dispatcher as numba does, with a cache."""
+        """Make a dispatcher as numba does."""
         super().__init__(py_func, locals, targetoptions, pipeline_class)
         self._parts: dict[tuple[Any, ...], Any] = {}
-        self._cache = Cache(py_func)
+        del self._cache  # an empty one
+
+    @functools.cached_property
+    def _cache(self) -> Cache:
+        """The cache, looked for by the first call: most kernels are called by others alone."""
+        return Cache(self.py_func)
 
     def get_call_template(self, args: Any, kws: Any) -> tuple[Any, Any, Any, Any]:
         """Return the template of a call by another kernel; a constant is as good as a variable."""
