@@ -121,7 +121,7 @@ class Episode:
             trajectories: All committed before it, without that of the start, with arrivals, ns.
             decisions: All before it.
             truths: One for each of these.
-            seen: Inputs of all decisions up to this one, of which an estimator's map is made.
+            seen: Inputs of all decisions up to this one, from which an estimator's map is made.
 
         Raises:
             InputError: The state belongs to another episode.

@@ -142,7 +142,7 @@ class Beams:
 
     @property
     def is_image(self) -> bool:
-        """Whether the beams are a grid, a row of which has neighbouring beams."""
+        """Whether the beams are a grid whose rows have neighbouring beams."""
         return self.table.order == "grid" and len(self.table.columns) > 2
 
     @cached_property

@@ -1,6 +1,6 @@
 """Output files: each whole or not at all, and none in place of a device or folder.
 
-A file grows under `NAME.partial`, of which one writer at a time holds the lock, and takes its name
+A file grows under `NAME.partial`, whose lock one writer at a time holds, and takes its name
 by an atomic rename. So two writers never mix, a device or a folder is never replaced, and what a
 killed writer left is not overwritten.
 """

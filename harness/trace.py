@@ -111,7 +111,7 @@ class Trace:
 
     @property
     def recorded(self) -> bool:
-        """Whether it is of a recording, of which no truth is known."""
+        """Whether it is of a recording, whose truth is unknown."""
         return self.outcome == RECORDED
 
     @property

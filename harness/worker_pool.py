@@ -171,7 +171,7 @@ class WorkerPool:
                 following += 1
 
     def _start(self) -> pebble.ProcessPool:
-        """Return the running pool, made anew if it broke."""
+        """Return the running pool, made again if it broke."""
         if self._pool is None or not self._pool.active:
             self._stop()
             memory_mib = self._bounds.memory_mib if self._bounds else None

@@ -60,7 +60,7 @@ class ColumnMap(Protocol):
         occupied: NDArray[np.uint64],
         free: NDArray[np.uint64],
     ) -> None:
-        """Write the columns of a window anew where they changed.
+        """Write the columns of a window again where they changed.
 
         Of a map that derives from this they are those of the least rectangle that holds all boxes.
 

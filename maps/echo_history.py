@@ -18,7 +18,7 @@ from wayproof.maps.sweep import Ranges
 
 SILENT_SWEEPS = 10
 """Sweeps in a row without an echo after which nothing is there, 1 s at 10 Hz: of echoes of which
-60 % are lost anew in each sweep, one direction loses so many once in 165 times."""
+60 % are lost again in each sweep, one direction loses so many once in 165 times."""
 
 MOST_RETURNED = 5
 """Percentage of the beams of a sweep that may have an echo again after fewer silent sweeps. In

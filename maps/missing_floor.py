@@ -17,7 +17,7 @@ from wayproof.maps.sweep import Ranges
 
 HOLE_SWEEPS = 20
 """Sweeps in a row in which floor is silent where it is missing, 2 s at 10 Hz: of patches of 30 % of
-a sweep that are lost anew in each, 20 lie over one place once in 10^10 times."""
+a sweep that are lost again in each, 20 lie over one place once in 10^10 times."""
 
 MAX_TILE = 1 << 24
 """Farthest tile along an axis, from the origin: 4000 km."""

@@ -162,7 +162,7 @@ def blend_corners(
         )
         return path
 
-    # An edge cut short by its blends is rounded anew and can touch a cell that it just missed.
+    # An edge cut short by its blends is rounded again and can touch a cell that it just missed.
     for share in (1.0, 0.7, 0.4):
         path = blended(share * reaches)
         if path_free(space.grid, space.shape, bool(space.discs), path):

@@ -49,7 +49,7 @@ class PlannerConfig:
         name: A key of `PLANNERS`, or `module:Class` of a user's own `ompl.base.Planner`, a class
             that is made from a `SpaceInformation`.
         iterations: Iterations of the planner's own loop for one plan, shared by its restarts.
-        restarts: Searches from other seeds, of which the cheapest path wins. A planner that
+        restarts: Searches from other seeds; the cheapest path wins. A planner that
             improves its first path spends the whole budget on it and never restarts.
         shortcuts: Attempts to cut or bend each search's path.
         clearance_weight: Weight of the cost of coming near obstacles against length.

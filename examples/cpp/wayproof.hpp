@@ -152,7 +152,7 @@ struct Waypoints {
   double speed = 0.0;         // limit, m/s; 0: the body's own
 };
 
-// The answer to one observation. Without a motion the body goes on with what it follows.
+// The answer to one observation. Without a motion the body continues what it follows.
 struct Command {
   std::optional<Velocity> velocity;
   std::optional<Waypoints> waypoints; // of the two, one at most

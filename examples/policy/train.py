@@ -9,7 +9,7 @@ which the best one is chosen.
 Usage: python examples/policy/train.py FOLDER [--rounds N] [--jobs N]
 
 Writes `policy.onnx`, `rounds.json` and `curve.svg` to FOLDER, and `round-K.npz` with the samples of
-each round, from which it goes on if it is run again.
+each round, from which it continues if it is run again.
 """
 
 from __future__ import annotations

@@ -32,7 +32,7 @@ FEW = 0.1
 """Fraction of the last decisions that matters."""
 
 NEARLY = 0.8
-"""Share of the time limit of which the least time leaves too little for what it does not count."""
+"""Share of the time limit; a least time beyond it leaves too little for what it does not count."""
 
 TURNED = 0.5
 """Angle beyond which a body that stays in its place counts as turning on its way, rad."""

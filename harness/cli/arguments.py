@@ -85,7 +85,7 @@ class _Once(argparse.Action):
 
 
 class EachKeyOnce(argparse._AppendAction):
-    """Action that collects `KEY=VALUE`, each key of which may be given once."""
+    """Action that collects `KEY=VALUE`; each key may be given once."""
 
     def __call__(
         self,

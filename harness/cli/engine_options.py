@@ -74,7 +74,7 @@ class Watch:
     """Progress bar: episodes done, errors so far, time left."""
 
     def __init__(self, console: Console, episodes: int | None, missing: int = 0) -> None:
-        """Show progress over `episodes` (None if unknown), of which `missing` remain."""
+        """Show progress over `episodes` (None if unknown); `missing` remain."""
         from rich.progress import (  # slow to load, and every command reads this module
             BarColumn,
             MofNCompleteColumn,

@@ -55,7 +55,7 @@ def _what_if(path: Path, options: argparse.Namespace, console: Console) -> tuple
 
 
 def refuse_worlds(settings: Sequence[str]) -> None:
-    """Refuse parameters of the world, of which a log has the scene.
+    """Refuse parameters of the world, whose scene is in the log.
 
     Raises:
         InputError: There is one.

@@ -274,7 +274,7 @@ def go_on(
         change: Change by a remedy.
         at: Number of the decision.
         limit_s: Simulated time of the end, s.
-        restarted: A stack on trial that goes on from there.
+        restarted: A stack on trial that continues from there.
         session: Answers in its place.
     """
     config = change.config

@@ -10,7 +10,7 @@ A planar laser among furniture differs from a lidar of many rings in three ways:
   and taken from where it clearly agrees better; a scan that was not registered also has to agree by
   more than what chance gives the best of so many poses.
 - Voxels that were filled from wrong poses, or where things stood that have moved, hold no line for
-  good. They are started anew.
+  good. They are started again.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ across it a line through three beams, the least for a plane, is flat enough by c
 the voxels, one through eight beams in 13 % (chi-squared of one and of six degrees of freedom)."""
 
 FORGOTTEN = 24
-"""Number of points from which a voxel without a line is started anew."""
+"""Number of points from which a voxel without a line is started again."""
 
 SEARCH_SHIFT, SEARCH_SHIFTS = 0.1, 3
 """Step, m, and number of steps to either side of the search along x and y: a step is twice `NEAR`

@@ -114,7 +114,7 @@ class MotionFilter(Kept):
         """Take a registration into account; return the corrections of velocity and bias, (6,).
 
         What it does not hold stays as uncertain as it was, as considered states do (Schmidt 1966,
-        Advances in Control Systems 3): the direction of a tunnel is found anew with each sweep,
+        Advances in Control Systems 3): the direction of a tunnel is found again with each sweep,
         some hundredths of a radian off, and its walls would seem to measure the way along it.
 
         Args:

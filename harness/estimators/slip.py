@@ -84,7 +84,7 @@ class Slip(Kept):
         return 2.0 * along, 2.0 * turn
 
     def correct(self, correction: Array, heading: float) -> None:
-        """Learn from a registered scan's correction (4,), m and rad, and begin anew after it.
+        """Learn from a registered scan's correction (4,), m and rad, and begin again after it.
 
         Args:
             correction: Correction by the scan, in world axes.

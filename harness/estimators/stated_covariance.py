@@ -216,7 +216,7 @@ def spread_of(registration: Registration, roughness: float) -> Array:
     """Return the covariance (4, 4) of a registration if only one of its points did count.
 
     E^-1 (S + SYSTEMATIC D) E^-1 with E the mean of g g' over the points and S that of their squared
-    distances times g g': the covariance of an estimate of which each equation has an error of its
+    distances times g g': the covariance of an estimate whose equations have each an error of their
     own size (Huber, Robust Statistics, 1981, section 6.3), as trunks are farther off their planes
     than floors. D is for an error that all distances have alike: along each axis the mean square
     of the distances that measure it, as if the normals pointed to all sides. Zero along what is not

@@ -83,7 +83,7 @@ class SurfaceMap:
         Args:
             points: Placed where the sweep was found to be, world, m.
             viewer: (3,) from where they were seen, m.
-            registered: Whether the sweep was registered; it is judged anew all the same.
+            registered: Whether the sweep was registered; it is judged again all the same.
         """
         near, _, known = count_on_planes(points, viewer, self.voxels, LEAST_POINTS)
         return known >= LEAST_INLIERS and near < self._least_near(known)
@@ -149,7 +149,7 @@ class SurfaceMap:
 
 
 def thinned(points: Array, spacing: float) -> Array:
-    """Return points of which no two are nearer than `spacing`, (k, 3) m.
+    """Return points, no two nearer than `spacing`, (k, 3) m.
 
     They are taken by strides of the golden ratio. Taken as a sensor lists them, outwards over a
     floor, those would be chosen that noise put farther out, which is below it.

@@ -34,8 +34,8 @@ FILTERS: tuple[tuple[str, Callable[[Config, Mission, Representation], Filter]], 
     ("lost_echoes", LostEchoes),
     ("grazing", Grazing),
 )
-"""False returns come first: they stand out from the beams beside them, none of which may have been
-dropped or moved yet, and each would pass for the echo of a direction. Lost patches compare
+"""False returns come first: they stand out from the beams beside them, and no filter may have
+dropped or moved one of these, and each would pass for the echo of a direction. Lost patches compare
 directions with those of the sweeps before, so they are found before a sweep is levelled, each by
 another plane. Missing floor is looked for at z = 0, where levelling puts it. Single lost echoes are
 the last to be dropped: two filters before count silent beams, and need all of them. Grazing changes

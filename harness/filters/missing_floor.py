@@ -1,4 +1,4 @@
-"""Beams that lost their echo from the floor, told from holes: see `maps/missing_floor.py`."""
+"""Beams that lost their echo from the floor, apart from holes: see `maps/missing_floor.py`."""
 
 from __future__ import annotations
 

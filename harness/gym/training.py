@@ -210,7 +210,7 @@ def _thinned(caster: Caster, scenario: Scenario) -> Caster:
 
 
 def _stride(table: BeamTable) -> int:
-    """Return the distance of columns, of which each bearing of a scan has `COLUMNS` or more."""
+    """Return the distance of columns; each bearing of a scan has `COLUMNS` or more."""
     if table.order != "grid" or len(table.columns) < COLUMNS:
         return 1
     step = float(np.sqrt(np.square(table.columns[1] - table.columns[0]).sum()))  # about, rad

@@ -30,7 +30,7 @@ STILL_MPS = 0.02
 """Tolerance of a speed beyond the factor, m/s, as in the audit."""
 
 JOINED_M = 0.04
-"""Distance between two trajectories up to which one goes on from the other, m, as in the audit."""
+"""Distance between two trajectories up to which one continues the other, m, as in the audit."""
 
 FOLLOWED_S = 10.0
 """Time for which a motion beyond the limits is followed before the body brakes, s: as long as a
@@ -99,7 +99,7 @@ def joins(
     *,
     planar: bool,
 ) -> bool:
-    """Return whether a trajectory goes on from the followed one where it starts, as it is logged.
+    """Return whether a trajectory continues the followed one where it starts, as it is logged.
 
     One that starts before it takes effect has to have been there as well. The heading counts on the
     ground.
@@ -165,8 +165,8 @@ def leaves_course(
     """Return whether a trajectory turns so sharply that the body cannot but leave it.
 
     Velocities are compared as vectors, from that of the reference on: a body that moves ahead and
-    is commanded back at once first goes on ahead. Where they change by more than it can, it is the
-    distance between the commanded motion and the one that the body can follow that counts.
+    is commanded back at once first continues ahead. Where they change by more than it can, the
+    distance between the commanded motion and the one that the body can follow counts.
 
     Args:
         trajectory: Commanded trajectory, whose speeds and rates are within the limits.

@@ -136,7 +136,7 @@ def trajectory_of(
 def commanded(
     motion: Motion, followed: Trajectory, position: Array, effect_ns: int, gait: Gait, planar: bool
 ) -> Followed:
-    """Return the trajectory of a motion that goes on from the one that the body follows.
+    """Return the trajectory of a motion that continues the one that the body follows.
 
     Args:
         motion: Motion of a command.

@@ -83,7 +83,7 @@ class Peer:
         return self.error(self._who, what, traceback)
 
     def close(self) -> None:
-        """Send the end, and end the process if it goes on."""
+        """Send the end, and end the process if it still runs."""
         with contextlib.suppress(OutsideError):
             self._send(sb.ToStack(close=sb.Close()), within_s=CLOSING_S)
         self._connection.close()

@@ -73,7 +73,7 @@ class Delivery:
     def take_sweeps(
         self, sent: Sequence[pb.Sweep], affected: Container[str]
     ) -> tuple[list[pb.Sweep], list[str]]:
-        """Return the sweeps that come in place of those sent, and the sensors of which none does.
+        """Return the sweeps that come in place of those sent, and the sensors without any.
 
         Args:
             sent: Sweeps of one instant.

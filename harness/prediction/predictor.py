@@ -43,7 +43,7 @@ class View(NamedTuple):
 
     Attributes:
         occupied: (nx, ny) columns in which something was measured occupied within `BAND`.
-        free: (nx, ny) other columns, of which at least half of the band was measured free.
+        free: (nx, ny) other columns, at least half of whose band was measured free.
         resolution: Edge of a cell, m.
     """
 

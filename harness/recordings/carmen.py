@@ -123,7 +123,7 @@ def open_log(path: Path, options: RecordingOptions) -> Recording:
     a mount, those of the laser, which a SLAM has written (`corrected`).
 
     Raises:
-        InputError: It has no scan, has several lasers of which none was chosen, or is damaged.
+        InputError: It has no scan, has several lasers and none was chosen, or is damaged.
     """
     faults: Faults = Counter()
     parameters: dict[str, str] = {}
@@ -178,7 +178,7 @@ def _poses(
 ) -> tuple[Transform, str, Transform]:
     """Return the poses of the robot, their name, and the laser's mount.
 
-    A mount is told from a correction: it is the same at all scans.
+    A mount differs from a correction: it is the same at all scans.
     """
     table = np.array(index.poses).reshape(-1, 6)
     lasers, robots = _placed(table[:, :3]), _placed(table[:, 3:])
@@ -213,7 +213,7 @@ def _placed(planes: NDArray[np.float64]) -> Transform:
 
 
 def _limits(index: _Index, stated: float | None) -> Limits:
-    """Return the limits of the readings, of which the largest may mean no return.
+    """Return the limits of the readings; the largest may mean no return.
 
     The maximum is what the message or the parameters state; else 80 m if there are readings beyond;
     else the largest reading, which stands for no return if there are at least `LEAST_REPEATED`.

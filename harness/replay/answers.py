@@ -38,7 +38,7 @@ class RecordedAnswers:
         Args:
             log: Log of a stack on trial.
             silent_from: Number of the decision from which on the stack is silent: its answers have
-                no motion, so the body goes on to its rest. By default it never is.
+                no motion, so the body continues to its rest. By default it never is.
         """
         self._silent_from = silent_from
         self._commands = {one.sequence: one.command for one in log.only(pb.StackCommand)}

@@ -54,7 +54,7 @@ class Past:
         decisions: Decisions before it.
         truths: Ground truth of each.
         state: State of the simulator; None at the first decision.
-        seen: Inputs of all decisions up to the fork, of which the map of an estimator that
+        seen: Inputs of all decisions up to the fork, from which the map of an estimator that
             registers sweeps is made; none for the model of one.
     """
 
@@ -86,12 +86,12 @@ def fork(
         target: Name of the new log.
         allow_plugins: Whether code that its config names may be imported.
         observe: Called with each decision from there on after it was made.
-        restarted: The stack that goes on, where one was on trial, from `restarted_stack`: it is
+        restarted: The stack that continues, where one was on trial, from `restarted_stack`: it is
             queried on all decisions before.
 
     Raises:
         InputError: There is no such log, decision or setting, no state was kept there, or a stack
-            was on trial and none goes on.
+            was on trial and none continues.
     """
     log = open_log(path, allow_plugins)
     if target.resolve() == path.resolve():
@@ -127,7 +127,7 @@ def fork_with(
         observe: Called with each decision from there on after it was made.
         delays: Delay by decision, s, instead of measured ones.
         record: Extent of the new log; by default the config's `record`.
-        restarted: The stack that goes on, where one was on trial.
+        restarted: The stack that continues, where one was on trial.
         session: Session in its place, such as recorded answers; no stack is queried before.
         predictions: Predictions in place of the predictor from outside that the config names, which
             is run.
@@ -188,7 +188,7 @@ def live_through(
         log: The log.
         at: Number of the decision that the fork begins with.
         scenario: Scenario of the fork.
-        restarted: A stack that is queried on each of these decisions, and goes on at the fork.
+        restarted: A stack that is queried on each of these decisions, and continues at the fork.
 
     Raises:
         InputError: The log does not replay, has no such decision, or no state there.

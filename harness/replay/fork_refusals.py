@@ -28,11 +28,11 @@ def refuse_stack(log: Log, config: Config, goes_on: bool) -> None:
     if on_trial and not goes_on:
         raise InputError(
             f"log '{log.path}': stack '{log.config.stack.name}' was on trial, and a log cannot say "
-            "how it goes on; expected --stack STACK, which is run"
+            "how it continues; expected --stack STACK, which is run"
         )
     if on_trial != (config.stack.name != BUILTIN):
         raise InputError(
-            f"--set stack.name={config.stack.name}: goes on from stack '{log.config.stack.name}'; "
+            f"--set stack.name={config.stack.name}: continues '{log.config.stack.name}'; "
             "expected --stack STACK after a stack on trial, and no other after the built-in one"
         )
 
@@ -53,7 +53,7 @@ def refuse_predictor(old: Config, new: Config) -> None:
     before, after = old.prediction.source, new.prediction.source
     if is_outside(before) != is_outside(after):
         raise InputError(
-            f"--set prediction.source={after}: goes on from '{before}'; expected a predictor from "
+            f"--set prediction.source={after}: continues '{before}'; expected a predictor from "
             "outside after one, and none but then; prediction.policy=ignore switches one off"
         )
 

@@ -138,7 +138,7 @@ def _recomputed(log: Log, jobs: int) -> tuple[Recomputed, list[Difference]]:
             (others, first), rest = beside(
                 later, lambda: (contradictions(log), recompute_piece(log, keyframes, pieces[0]))
             )
-        except (ForkFailed, InputError):  # a keyframe that is none, or a log that no piece can read
+        except (ForkFailed, InputError):  # a broken keyframe, or a log that no piece can read
             pass
         else:
             whole = functools.reduce(Recomputed.then, rest, first)

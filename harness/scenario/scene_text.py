@@ -67,7 +67,7 @@ def safe_scene(text: str) -> str:
         _check(element)
         _check_bounds(bounds, element)
         if element.tag == "text" and element.text:
-            # MuJoCo saves what holds quotes as CDATA, of which nothing is left after parsing.
+            # MuJoCo saves what holds quotes as CDATA, and parsing drops it.
             element.set("data", element.text)
             element.text = None
     return ElementTree.tostring(root, encoding="unicode")

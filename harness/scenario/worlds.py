@@ -43,7 +43,7 @@ def find_world(config: Config) -> World:
 
 
 def bare_world(config: Config, mission: Mission, movers: tuple[Mover, ...] = ()) -> World:
-    """Return a mission's operating area as a world of which no solid is known."""
+    """Return a mission's operating area as a world without known solids."""
     return World(
         name=config.world,
         seed=config.seed,
@@ -87,7 +87,7 @@ def _generate(make: Callable[..., World], *arguments: Any) -> World:
 
 
 def forget_worlds() -> None:
-    """Generate each world anew from now on, for a check that its seed still makes it."""
+    """Generate each world again from now on, for a check that its seed still makes it."""
     _generate.cache_clear()
 
 

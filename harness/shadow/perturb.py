@@ -129,7 +129,7 @@ class RecordedPerturbation(Injection):
             poses=beams.poses,
             ages_ns=ages,
         )
-        sweep.directions = directions  # kept as recorded: coding them again may round anew
+        sweep.directions = directions  # kept as recorded: coding them again may round them
 
     def perturbed(self, report: Report) -> Ranges:
         """Return ranges whose echoes do not have the value that means no return."""

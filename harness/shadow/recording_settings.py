@@ -24,7 +24,7 @@ SCANS = {
     "turn_share": 0.2,
     "turn_walk": 0.1,
 }
-"""Defaults of `estimate` for recordings of planar lasers alone. They see few points, of which one
+"""Defaults of `estimate` for recordings of planar lasers alone. They see few points; one
 for each beam is taken, and some 70 lie on lines: the error of a mean is that of one by the root of
 their number. The error that a registration leaves is that of a sweep by the root of 20, as a scan
 has a twentieth of its points. Wheels predict, which are off as GMapping takes them to be by its

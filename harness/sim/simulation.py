@@ -172,7 +172,7 @@ class Simulation:
 
 
 class SetpointBuffer:
-    """Setpoints of a trajectory, step by step; sampled anew when the trajectory changes.
+    """Setpoints of a trajectory, step by step; sampled again when the trajectory changes.
 
     Attributes:
         planned: (n, 8) rows of setpoints by the trajectory, in the frame of the pose estimate.

@@ -47,7 +47,7 @@ EARLY_BENDS = (0.5, 0.05)
 the later ones leave more of the way ahead to be seen, the earlier ones bend less."""
 
 REPLAN_LENGTH = 1.2
-"""Distance at full speed after which a path is searched anew at the latest, m."""
+"""Distance at full speed after which a path is searched again at the latest, m."""
 
 BLEND_SHARE = 0.3
 """Blend of a corner to the radius of a bend at full speed: a turn by 33 degrees costs no speed."""

@@ -137,7 +137,7 @@ def _is_improvement_due(input: PlannerInput, state: PlannerState) -> bool:
 
 
 def _replans_at_end(state: PlannerState, start: TrajectorySample) -> bool:
-    """Return whether the goal is planned for anew at the end of the path.
+    """Return whether the goal is planned for again at the end of the path.
 
     It is at a viewpoint, and where a robot rests beside a goal that has become free since.
     """

@@ -26,7 +26,7 @@ FARTHEST = 1 << 24
 """Farthest cell of an operating area along an axis: 1e4 m at 1 cm, and to spare."""
 
 STATES_IN_PERIOD = 4
-"""Keyframes in one period, of which the last holds the map: a planner state takes few bytes, and
+"""Keyframes in one period; the last holds the map: a planner state takes few bytes, and
 the map before it is soon integrated again."""
 
 

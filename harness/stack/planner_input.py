@@ -118,7 +118,7 @@ class FreeSpaceBuilder:
         return self._space(costmap.obstacle_clearance, unknown, (0.0, cost))
 
     def _costs(self) -> Array:
-        """Return the costs by squared distance; anew when the costmap's own have changed."""
+        """Return the costs by squared distance; again when the costmap's own have changed."""
         if self._costs_of is not self._costmap.cost_table:
             self._costs_of = self._costmap.cost_table
             self._cost_by_distance = self._edge_cost * costs(self._costmap, self._body)

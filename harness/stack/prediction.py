@@ -1,6 +1,6 @@
 """Predicted cells of a mission: a predictor's answer to the measured map, as a layer below it.
 
-Our own predictors are computed anew from the measured map at each decision. What one from outside
+Our own predictors are computed again from the measured map at each decision. What one from outside
 said is an input of the decision.
 """
 
@@ -120,7 +120,7 @@ class ComputedCells:
         self._predictor.log_odds(view_of(self._window, none, none))
 
     def follow(self, measured: ColumnMap, inputs: Inputs) -> None:
-        """Predict anew from a measured map; only changed cells are put into the layer."""
+        """Predict again from a measured map; only changed cells are put into the layer."""
         nx, ny, nz = self._window.shape
         words = -(-nz // WORD_BITS)
         odds = self._predictor.log_odds(
@@ -156,7 +156,7 @@ class GivenCells:
         self._states = np.zeros(self._window.shape, np.uint8)
 
     def follow(self, measured: ColumnMap, inputs: Inputs) -> None:
-        """Replace the predictions by those of the inputs; only changed cells are put anew."""
+        """Replace the predictions by those of the inputs; only changed cells are put again."""
         states = np.zeros_like(self._states)
         if inputs.prediction is not None:
             self._place(inputs.prediction, states)

@@ -164,5 +164,5 @@ class PlannerState:
 
 
 def for_next_goal(state: PlannerState) -> PlannerState:
-    """Return the state after a goal was reached: all counts of tries begin anew."""
+    """Return the state after a goal was reached: all counts of tries begin again."""
     return replace(state, rest_since_ns=-1, tries=Tries())

@@ -89,7 +89,7 @@ def studentized(means: Array, tail: float) -> Ends:
     one value only stands for an infinite t.
 
     Args:
-        means: (k,), k at least 2, of which not all are equal.
+        means: (k,), k at least 2, not all equal.
         tail: Share of the samples that an end may miss.
     """
     count, middle = len(means), float(means.mean())

@@ -69,7 +69,7 @@ def difference_interval(
     """Return the mean of second - first over worlds, from pairs, with its interval.
 
     One pair of a rate in each world goes by Newcombe's interval from `LEAST_CLUSTERS` worlds on,
-    and so do counts of which no episode shows more than one, from `LEAST_COUNTED` on.
+    and so do counts where no episode shows more than one, from `LEAST_COUNTED` on.
 
     Args:
         first: (n,) of the pairs, at least one.

@@ -23,7 +23,7 @@ Statistic = Literal["drop", "rise", "mean", "every"]
 
 Figure = Literal["mean", "share with any", "median", "restricted mean", "worst"]
 """What is bounded: the mean of a rate or a share; the share of the episodes with any event; the
-median; the mean of a time of which a failure counts the time limit; the worst of the episodes."""
+median; the mean of a time; a failure counts the time limit; the worst of the episodes."""
 
 
 @dataclass(frozen=True)

@@ -31,7 +31,7 @@ def continued(study: StudyFile, store: Store) -> StudyFile:
 
     Raises:
         InputError: It has fewer seeds than its folder was judged over; or other seeds or files, and
-            its worlds are files, of which seeds make no more.
+            its worlds are files, and seeds make no more.
     """
     if study.searches or not store.is_judged:
         return study
@@ -113,7 +113,7 @@ def _check(study: StudyFile, at_most: int) -> None:
     """Refuse a study that seeds cannot decide.
 
     Raises:
-        InputError: It has no gates, or worlds of which there are no more; or at most no seed.
+        InputError: It has no gates, or no more worlds; or at most no seed.
     """
     if at_most < 1:
         raise InputError(f"--at-most {at_most}: expected at least 1")
@@ -132,7 +132,7 @@ def saved_in_words(study: StudyFile, result: StudyResult, at_most: int) -> str:
     seeds = result.episodes // arms
     left = at_most - seeds
     if result.verdict == "inconclusive":
-        return f"stopped undecided at {seeds} seeds, the most allowed; --at-most N goes on"
+        return f"stopped undecided at {seeds} seeds, the most allowed; --at-most N continues"
     if result.verdict == "incomplete":
         return f"stopped at {seeds} seeds: episodes have not run"
     return f"decided by {seeds} of at most {at_most} seeds: {left * arms} episodes saved"

@@ -1,4 +1,4 @@
-"""Settings of a study that are drawn anew for each seed, alike in every arm, so that pairs hold."""
+"""Settings of a study that are drawn for each seed, alike in every arm, so that pairs hold."""
 
 from __future__ import annotations
 

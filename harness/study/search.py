@@ -1,8 +1,8 @@
 """Searches over perturbations of one episode: what `threshold` and `falsify` have in common.
 
-A search asks for episodes, batch by batch, and is told how each ended. All searches of a study
+A search asks for episodes, batch by batch, and hears how each ended. All searches of a study
 advance side by side. What a search finds follows from the logs in the folder alone, so that one
-that was interrupted goes on, and a report repeats it without a run.
+that was interrupted continues, and a report repeats it without a run.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ def advance(
     """Advance all searches, until each has ended or asks for an episode that has not.
 
     Args:
-        searches: The searches, none of which has begun.
+        searches: The searches; none has begun.
         store: Folder of the logs.
         contents: Identities of the files that the study names.
         run: Function that runs the episodes that are not in the folder; by default none is run.

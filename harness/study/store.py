@@ -67,7 +67,7 @@ class Store:
                     raise
                 raise InputError(
                     f"study folder '{self.folder}': {error.strerror}; what has ended is kept, and "
-                    "the same command goes on"
+                    "the same command continues"
                 ) from error
 
     @property

@@ -17,7 +17,7 @@ from wayproof.harness.viewer.snapshots import layer_period_ns
 from wayproof.maps import UNKNOWN
 
 FLOORS = ("layer", "age", "probability", "stack_costmap")
-"""Grids on the floor, of which a view shows one."""
+"""Grids on the floor; a view shows one."""
 
 FROM_ABOVE = ("cells/**", "sweep", "scene/**")
 """Entities that would hide a grid on the floor from above."""

@@ -35,7 +35,7 @@ CELLS = "cells/"
 """Beginning of the names of the tiles of occupied cells."""
 
 EVENTS = "events/"
-"""Beginning of the names of events, each of which stays where it was."""
+"""Beginning of the names of events; each stays where it was."""
 
 
 class Frame(NamedTuple):

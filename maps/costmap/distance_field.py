@@ -102,12 +102,12 @@ class DistanceField:
             x0: Index of the first column along x.
             y0: Index of the first column along y.
             flip: `ALL_ONES` where the bits are the cells not blocked, else 0.
-            part: Columns of the box outside of which none changed; None for all.
+            part: Columns of the box; none outside changed; None for all.
 
         Raises:
             ValueError: The box is not within the window.
         """
-        cells = np.ascontiguousarray(cells)  # or all is compiled anew
+        cells = np.ascontiguousarray(cells)  # or all is compiled again
         kx, ky, words = cells.shape
         (nx, ny, _), expected = self.shape, self._layout.words
         if x0 < 0 or y0 < 0 or x0 + kx > nx or y0 + ky > ny or words != expected:

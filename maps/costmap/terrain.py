@@ -100,7 +100,7 @@ class Terrain(Projection):
         return self._project() or (slice(x.start, x.stop), slice(0, 1))
 
     def _project(self) -> Columns | None:
-        """Find all columns anew; return the rows that changed, if any did."""
+        """Find all columns again; return the rows that changed, if any did."""
         self._stood = self._feet
         new = np.zeros((2, *self.occupied[:, 0].shape), np.uint64)
         kernels.project_terrain(

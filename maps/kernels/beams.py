@@ -81,7 +81,7 @@ class EndLists(NamedTuple):
     """Ends of the beams of a sweep, written by `place_ends`.
 
     Attributes:
-        ends: (n,) packed ends, the first of which are listed.
+        ends: (n,) packed ends; the first are listed.
         box: (2, 3) least and greatest cell of origins and ends.
         counts: (4,) number of beams by fate; added to.
     """

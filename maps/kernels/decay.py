@@ -187,7 +187,7 @@ def fade_brick(
     """
     smallest = least_magnitude(cells, int(np.int64(1)))  # a plain 1 would be compiled for itself
     steps = scratch.steps
-    gone = int(np.int64(0))  # greatest magnitude of which nothing is left
+    gone = int(np.int64(0))  # greatest magnitude that decays to nothing
     while gone < count and steps[gone] == gone + 1:
         gone += 1
     turned, least = smallest <= gone, smallest

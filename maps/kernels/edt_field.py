@@ -206,7 +206,7 @@ def update_field(
     """Compute the blocks that are stale, from the sections around.
 
     What lies outside the window is blocked: the nearest such cell is straight across a border. Four
-    planes are computed at once, of which only those that are stale are written.
+    planes are computed at once; only stale ones are written.
     """
     (blocks, nx), (_, ny, nz) = field.stale.shape, layout.shape
     block_rows, reach = layout.block_rows, layout.reach

@@ -28,7 +28,7 @@ CellBox = tuple[NDArray[np.int64], NDArray[np.int64]]
 class BlockMap(Representation):
     """A map that stores its cells in `Blocks`.
 
-    One layer holds the evidence of each cell, of which decay takes; where it is 0 the cell is
+    One layer holds the evidence of each cell, which decays; where it is 0 the cell is
     unknown. Decay follows the schedule and the law of VoxelMap, tick by tick for all blocks.
 
     Attributes:

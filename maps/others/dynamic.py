@@ -172,7 +172,7 @@ class DynamicMap(VoxelMap):
         occupied: NDArray[np.uint64],
         free: NDArray[np.uint64],
     ) -> None:
-        """Write the states of a window of cells anew, as `VoxelMap.rewrite_columns` does."""
+        """Write the states of a window of cells again, as `VoxelMap.rewrite_columns` does."""
         super().rewrite_columns(low_cell, boxes, occupied, free)
         # Where nothing changed it lies over them already, and once more changes nothing.
         self._lay_over(low_cell, occupied, free)

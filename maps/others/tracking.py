@@ -112,7 +112,7 @@ class Traffic:
 
         Returns:
             The cells (k, 3) of clusters that move, and the cells (n, 3) on their way up to the
-            horizon, of which some may be repeated.
+            horizon; some may be repeated.
         """
         clusters = clusters_of(cells)
         centroids = [_centroid(cluster) for cluster in clusters]

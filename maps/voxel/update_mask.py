@@ -123,7 +123,7 @@ class SweepRasterizer:
             each, and its sensor.
         """
         most = len(endpoints.ends)
-        if len(self._order) < most:  # new memory would be cleared anew by the system
+        if len(self._order) < most:  # new memory would be cleared again by the system
             self._targets = _new_targets(most)
             self._columns, self._order = np.empty((2, most), np.int32)
         groups = np.empty(len(sensors) + 1, np.int64)

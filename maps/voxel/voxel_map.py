@@ -265,7 +265,7 @@ class VoxelMap(Representation):
         occupied: NDArray[np.uint64],
         free: NDArray[np.uint64],
     ) -> None:
-        """Write the states of a window of cells anew where they changed.
+        """Write the states of a window of cells again where they changed.
 
         Args:
             low_cell: Least cell of the window.

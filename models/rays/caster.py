@@ -102,7 +102,7 @@ def _poses(
         raise ValueError(
             f"pose_indices: got up to {pattern.pose_indices.max()}, expected less than {m}"
         )
-    # Copies, as numba compiles anew for arrays that may not be written to.
+    # Copies, as numba compiles again for arrays that may not be written to.
     o, R = (np.repeat(array, m // len(array), axis=0) for array in (o, R))
     return o, R
 

@@ -13,7 +13,7 @@ from wayproof.models.arrays import Array
 class Geoms(NamedTuple):
     """Tables over the ray-visible geoms, in the order of their ids.
 
-    Each is, in its own frame, inside the Minkowski sum of an ellipsoid and a box, either of which
+    Each is, in its own frame, inside the Minkowski sum of an ellipsoid and a box, and either
     may be flat: a capsule is that of a ball and a line, a cylinder that of a disc and a line.
 
     Attributes:

@@ -1,7 +1,7 @@
 """Trees of boxes over items (bounding volume hierarchies), so that a ray is tried on few.
 
 A tree of two children a node is built first. Its levels are then pulled together to eight boxes a
-node, of which vector instructions tell at once which a ray enters.
+node; vector instructions find at once which a ray enters.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Tree(NamedTuple):
     Attributes:
         boxes: (k, 6) lower and upper corner of each node, margin included.
         links: (k, 2) of a leaf its first place in `order` and its number of items; of an inner node
-            its first child, of which the second is the next node, and 0.
+            its first child, whose second is the next node, and 0.
         order: (n,) items as the leaves list them.
     """
 

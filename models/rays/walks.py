@@ -129,7 +129,7 @@ def open_node(
     """
     (ax, bx, nx, fx, ix), (ay, by, ny, fy, iy), (az, bz, nz, fz, iz) = slabs
     row, mask = U(node), 0
-    # As many as a node has, told by the table: a loop of a known length would not become vectors.
+    # As many as a node has, given by the table: a loop of a known length would not become vectors.
     for child in range(links.shape[1]):
         k = U(child)
         x, u = (boxes[row, ax + k] - nx) * ix, (boxes[row, bx + k] - fx) * ix

@@ -86,7 +86,7 @@ class BeamTable:
 
     @property
     def non_repetitive(self) -> bool:
-        """Whether each sweep goes on where the one before ended, instead of firing one grid."""
+        """Whether each sweep continues where the one before ended, instead of firing one grid."""
         return self.order == "pairs"
 
     @property
@@ -292,7 +292,7 @@ def rotate(
     turned = np.empty((len(directions), 3))
     several = np.ndim(R_world_sensor) == 3
     rotations = R_world_sensor if several else np.asarray(R_world_sensor)[None]
-    # Writable, as numba compiles anew for arrays that are not.
+    # Writable, as numba compiles again for arrays that are not.
     writable: tuple[Literal["C"], Literal["W"]] = ("C", "W")
     beams = np.require(directions, np.float64, writable)
     turn(np.require(rotations, np.float64, writable), beams, turned)

@@ -217,7 +217,7 @@ def _geometry(
         if isinstance(primitive, (collada.polylist.Polylist, collada.polygons.Polygons)):
             corners = int(np.asarray(primitive.vcounts, np.int64).sum())
             if corners > len(primitive.index):  # it would make arrays of that length
-                what = f"polygons of {corners} corners, of which {len(primitive.index)} are there"
+                what = f"polygons of {corners} corners, but {len(primitive.index)} are there"
                 raise WorldFileError(path, what)
             primitive = primitive.triangleset()
         if not isinstance(primitive, collada.triangleset.TriangleSet):

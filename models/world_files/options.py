@@ -122,7 +122,7 @@ class Found:
         movers: Things that move, each with a body on the ground.
         extent: Corners of a scene with infinite walls, which are solid beyond, m; else None.
         closed: Whether nothing is known beyond the parts, as around a map.
-        grid: Whether the parts are cells of a grid, of which the lowest may be the floor.
+        grid: Whether the parts are cells of a grid; the lowest may be the floor.
         notes: Notes on parts left out or taken otherwise than written, a line each.
         start: Point on the floor, m; None if the file gives none.
         start_heading: Heading at the start, rad.

@@ -34,7 +34,7 @@ def read_actor(path: Path, actor: Element, frames: Frames, number: int) -> tuple
     """Return an actor as a person, its route at the height of its feet, and a note on it.
 
     One without a trajectory, or whose script does not start, stands at its pose: so does one that a
-    plugin moves. A script that begins anew goes round where its trajectory ends at its beginning,
+    plugin moves. A script that begins again goes round where its trajectory ends at its beginning,
     else to and fro: in Gazebo it jumps.
 
     Args:
@@ -44,7 +44,7 @@ def read_actor(path: Path, actor: Element, frames: Frames, number: int) -> tuple
         number: Number of the actors before it.
 
     Raises:
-        WorldFileError: A time or pose that is none, or times that do not increase.
+        WorldFileError: A malformed time or pose, or times that do not increase.
     """
     home, name, script = _feet(frames.of(actor)), f"{PREFIX}{number}", actor.first("script")
     shown = f"<actor> '{actor.attributes.get('name', '')}' (line {actor.line})"

@@ -105,7 +105,7 @@ class Frames:
         Args:
             element: The model or include.
             default: Its pose where it gives none: of an include, the model's own.
-            inner: Frames within the model, of which one may be the placement frame.
+            inner: Frames within the model; one may be the placement frame.
 
         Raises:
             WorldFileError: As `of`; or no such placement frame.

@@ -23,7 +23,7 @@ def read_table(path: Path, options: ImportOptions) -> Found:
     """Read spheres from a table.
 
     Raises:
-        WorldFileError: Naming the line that is none.
+        WorldFileError: Naming the malformed line.
     """
     found = Found(plane=True)
     for number, row in enumerate(csv.reader(read_text(path).splitlines()), start=1):

@@ -56,7 +56,7 @@ class Mover:
         vanishes: When it ceases to be, s.
         times: Time at which it is at each point of the route, increasing from 0, s, in place of a
             speed; standing for a robot delays it. A point that is repeated is a stop.
-        loops: Whether it begins anew at the end of the route, which then is where it began.
+        loops: Whether it begins again at the end of the route, which then is where it began.
     """
 
     name: str

@@ -31,7 +31,7 @@ GROUND_BAND = (0.03, 0.5)
 """Height band of the reference quadruped, m: from its step height to its back."""
 
 AIR_BANDS = ((0.8, 1.6), (1.3, 2.2))
-"""Altitude bands of which the reference drone needs one, m."""
+"""Altitude bands; the reference drone needs one, m."""
 
 LOWEST_FLIGHT = 0.2
 """Lower end of a height band below which a body needs floor under it, m."""

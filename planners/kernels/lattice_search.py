@@ -47,7 +47,7 @@ def expand(lattice: Lattice, until: int, target: int, budget: int, margin: int) 
     """Expand cells in the order of their keys until a given one is closed, and some beyond it.
 
     Args:
-        lattice: Lattice with the open cells that the search goes on from.
+        lattice: Lattice with the open cells from which the search continues.
         until: The cell to close.
         target: Cell of the heuristic; -1 for none: then all cells nearer to the goal are closed
             before `until`.
@@ -113,7 +113,7 @@ def expand(lattice: Lattice, until: int, target: int, budget: int, margin: int) 
 
 @kernel
 def requeue(lattice: Lattice, target: int, cells: Longs) -> None:
-    """Queue all open cells anew, for the heuristic of another target; -1 for none."""
+    """Queue all open cells again, for the heuristic of another target; -1 for none."""
     cost = lattice.cost
     head, after, before, keys = lattice.head, lattice.after, lattice.before, lattice.key
     head[:] = -1

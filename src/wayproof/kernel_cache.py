@@ -1,6 +1,6 @@
 """Where compiled kernels are kept: in a folder named by the sources of all of them.
 
-Numba keeps a kernel until its own file changes, and goes on with the old code of a callee, and the
+Numba keeps a kernel until its own file changes, and keeps the old code of a callee, and the
 old value of a constant, from another file. With another folder for each state of the sources, no
 kernel is ever out of date. Numba knows a kernel by the folder of its file, too; ours are known by
 their module, so that every checkout and every environment of the same sources finds them.

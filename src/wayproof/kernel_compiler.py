@@ -268,7 +268,7 @@ def _parse_when_linked() -> None:
 
 
 def _name_modules_of_numba() -> None:
-    """Load functions of numba in a cached kernel without their modules, of which one imports scipy.
+    """Load functions of numba in a cached kernel without their modules; one imports scipy.
 
     Compiled code refers to an environment of constants and of a module; it uses the constants.
     """

@@ -55,7 +55,7 @@ class Options:
         domain: DDS domain.
         namespace: Namespace of all topics but `/clock`, without slashes around; empty: none.
         pace: `lockstep`: each sweep waits for the command with its stamp; `controller`: simulated
-            time goes on to the next controller period, and waits for a command made in it; `auto`:
+            time runs on to the next controller period, and waits for a command made in it; `auto`:
             by the stamp of the first command.
         controller_frequency: Frequency of a controller with a timer of its own, Hz; Nav2's default.
         silence: Wall time after which a controller period without a command passes, s; 0: never,

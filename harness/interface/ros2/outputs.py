@@ -72,7 +72,7 @@ class Outputs:
         self._send("tf_static", static_transforms(self._task, self._options, time_of(stamp_ns)))
 
     def send_task(self, start_ns: int) -> None:
-        """Send the task, of which simulated time 0 is a ROS time, ns."""
+        """Send the task; its simulated time 0 is a ROS time, ns."""
         self._send("task", String(write_task(self._task, start_ns)))
 
     def send_goal(self, stamp_ns: int, reached: int = 0) -> None:
@@ -119,7 +119,7 @@ class Outputs:
         self._send("referee/costmap", costmap_grid(costmap, frame, stamp))
 
     def not_taken(self, wall_s: float) -> str:
-        """Return a topic of which a reliable reader still lacks messages; empty if none."""
+        """Return a topic with a reliable reader that still lacks messages; empty if none."""
         for publisher in self.publishers.values():
             if not publisher.wait_for_readers(wall_s):
                 return publisher.topic

@@ -168,7 +168,7 @@ class Ros2Stack:
     def _await_first_command(self, observation: Observation, outputs: Outputs) -> int:
         """Send the first observation at the pace of the wall clock until a command comes.
 
-        ROS time goes on meanwhile, as nodes with timers need it; simulated time does not. The
+        ROS time runs on meanwhile, as nodes with timers need it; simulated time does not. The
         first command shows the pace: whether it has the stamp of a sweep.
 
         Returns:
@@ -221,7 +221,7 @@ class Ros2Stack:
         """Pass the periods before the sweeps, send them, and take the command of the next period.
 
         The clock waits for a command at the end of each period, so that a timer fires exactly once
-        in it, and for the sweeps to be received before it goes on.
+        in it, and for the sweeps to be received before it continues.
         """
         for tick_ns in ticks_up_to(stamp_ns, self._tick_ns, self._period_ns):
             self._pass_period(tick_ns, outputs)

@@ -58,7 +58,7 @@ def open_bag(path: Path, options: RecordingOptions) -> Recording:
     """Open a bag: read it once for its poses and transforms.
 
     Raises:
-        InputError: It has no sensor or no poses, several of which none was chosen, or no transform
+        InputError: It has no sensor or no poses, several and none was chosen, or no transform
             between body and sensor.
     """
     faults: Faults = Counter()

@@ -59,7 +59,7 @@ def choose_sensors(found: Survey, options: RecordingOptions) -> list[str]:
     """Return the topics of the sensors.
 
     Raises:
-        InputError: None, several of which none was chosen, or unknown ones.
+        InputError: None, several and none was chosen, or unknown ones.
     """
     usable = {name: one for name, one in found.sensors.items() if one.first is not None}
     main = {name: one for name, one in usable.items() if not _is_beside(name, found)}

@@ -64,7 +64,7 @@ class FrameTree:
     """The tree of frames: each has at most one parent.
 
     Attributes:
-        rivals: Parents of each frame that has several, of which none was preferred.
+        rivals: Parents of each frame that has several and none preferred.
     """
 
     def __init__(

@@ -34,7 +34,7 @@ class Kept(NamedTuple):
 
 @dataclass
 class Grids:
-    """Grids of one topic, of which one is kept for each `PERIOD_NS`, and the last with updates."""
+    """Grids of one topic; one is kept for each `PERIOD_NS`, and the last with updates."""
 
     kept: list[Kept]
     last: Grid | None = None

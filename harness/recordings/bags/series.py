@@ -62,7 +62,7 @@ class Series:
 
     @property
     def times(self) -> NDArray[np.int64]:  # (n,)
-        """Stamps; of sweeps none of which has one, the times at which they were recorded, ns."""
+        """Stamps; where no sweep has one, the times at which they were recorded, ns."""
         stamps = np.array(self.stamps, np.int64)
         return stamps if self.width != 2 or stamps.any() else self.table[:, 0].astype(np.int64)
 

@@ -49,7 +49,7 @@ from wayproof.harness.recordings.order import set_backs
 from wayproof.harness.recordings.poses import RESET
 
 FIRST_CLOUDS = 10
-"""Number of clouds of a topic, of which one with most points gives the unit of their times: the
+"""Number of clouds of a topic; the one with most points gives the unit of their times: the
 first ones of a driver that starts up may hold no point, or few."""
 
 TASK = "/task"
@@ -269,7 +269,7 @@ def choose_run(found: Survey, names: Sequence[str], faults: Faults) -> tuple[Sur
         faults: Sweeps of other runs are counted.
 
     Raises:
-        InputError: It cannot be told to which run the sweeps belong.
+        InputError: It is unknown to which run the sweeps belong.
     """
     cuts = _cuts([*found.moving, *((name, found.sensors[name].series) for name in names)])
     if not cuts:

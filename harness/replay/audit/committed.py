@@ -148,7 +148,7 @@ class Committed:
     def poses(self) -> Array:
         """Poses of its trajectory: x, y, z, m, and heading, rad, (n, 4).
 
-        Of one that goes on, from where the decision takes effect: it is committed until then.
+        Of one that continues, from where the decision takes effect: it is committed until then.
         """
         now_ns = self.decision.timestamp.ToNanoseconds()
         delay_ns = self.config.latency.expected_ns if self.keeps_trajectory else 0

@@ -295,7 +295,7 @@ def arrived(now: Committed, past: Past) -> Iterator[str]:
     if followed is not None:
         end_ns = followed.start.ToNanoseconds() + followed.duration_s * 1e9
         if end_ns > time_ns + 1:
-            yield f"its trajectory goes on for {(end_ns - time_ns) * 1e-9:.2f} s"
+            yield f"its trajectory lasts another {(end_ns - time_ns) * 1e-9:.2f} s"
 
 
 def commanded(now: Committed, past: Past) -> Iterator[str]:

@@ -14,7 +14,7 @@ from wayproof.harness.replay.content import Content, read_content
 from wayproof.harness.result import ends_in_error
 
 Check = Callable[[Subject], Iterator[Difference]]
-"""A check of which the first difference counts: what follows may be its echo."""
+"""A check whose first difference counts: what follows may be its echo."""
 
 OF_INPUTS: tuple[Check, ...] = (
     messages.check_chain,

@@ -129,7 +129,7 @@ def check_recorded_way(subject: Subject) -> Iterator[Difference]:
     """Check that the way is unbroken and leads through the poses, but for a perturbation's error.
 
     A pose that a perturbation makes late is one that the way led through before. A way of one pose
-    begins anew: it was not recorded how the robot got there. A pose that an estimator made of the
+    begins again: it was not recorded how the robot got there. A pose that an estimator made of the
     sweeps is an input of its own.
     """
     before, passed = None, []

@@ -135,7 +135,7 @@ def backtrack(wait: Wait) -> Decided | None:
 
 
 def wait_once_more(wait: Wait) -> Decided:
-    """Wait anew: there is nowhere to explore."""
+    """Wait again: there is nowhere to explore."""
     command = wait.decided.command
     frontier = "none" if wait.search is None else "out_of_reach"
     reason = replace(command.reason, frontier=frontier)

@@ -131,7 +131,7 @@ def _turns_into_path(trajectory: Trajectory, tail_first: bool) -> bool:
 
 
 def turn_to(course: Course, target: float) -> Decided:
-    """Turn in place to a heading, rad; a turn that leads there already goes on."""
+    """Turn in place to a heading, rad; a turn that leads there already continues."""
     input, state, start = course.input, course.state, course.start
     trajectory = state.trajectory
     if not _goes_on_turning(trajectory, start, target):

@@ -165,7 +165,7 @@ def bars_chart(curves: Sequence[Curve], label: str, ylabel: str, top: float | No
         curves: One, or one for each stack. The severities are spaced evenly, with their amounts.
         label: Label of the amounts.
         ylabel: Label of the mean.
-        top: Upper end of the axis; none if None. An interval that goes on beyond the axis, or has
+        top: Upper end of the axis; none if None. An interval that continues beyond the axis, or has
             no end, ends in an arrow.
     """
     doses = sorted({dose for curve in curves for dose in curve.doses})
@@ -219,7 +219,7 @@ def limits_of(curves: Sequence[Curve], top: float | None) -> tuple[float, float]
 def _bar(
     x: float, middle: float, end: float, limits: tuple[float, float], down: _scale, colour: str
 ) -> str:
-    """Return half an interval, which ends in an arrow where it goes on beyond the limits."""
+    """Return half an interval, which ends in an arrow where it continues beyond the limits."""
     y = down(min(max(end, limits[0]), limits[1]))
     sign = 5 if end < middle else -5
     tip = f"M{x - 4:.1f} {y:.1f}h8"

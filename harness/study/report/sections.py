@@ -237,8 +237,8 @@ def doses_section(samples: Sequence[Sample], time_limit: float) -> Section | Non
     return Section(
         "Dose and response",
         note="By the amount of the perturbation; 0 is the unperturbed twin. Bars are 95 % "
-        "intervals over worlds, each alone, with an arrow where one goes on beyond the plot. Time "
-        "is restricted: a failure counts the time limit.",
+        "intervals over worlds, each alone, with an arrow where one continues beyond the plot. "
+        "Time is restricted: a failure counts the time limit.",
         figures=[_dose(arm, stacks, time_limit) for arm, stacks in families.items()],
     )
 

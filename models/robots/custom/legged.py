@@ -1,9 +1,9 @@
 """Quadrupeds of the usual layout, rewritten for the trot controller.
 
 Each leg is a hip that turns about x, then thigh and calf about y, and a foot. The MJCF is written
-anew: links in the order of `LEGS`, joint axes along +x and +y, and zero angles where thigh and calf
-hang straight down, which `ref` shifts to. The base's origin moves to the middle of the hips. So
-links, axes, signs, names and order may be any; what the controller needs is read off the result.
+again: links in the order of `LEGS`, joint axes along +x and +y, and zero angles where thigh and
+calf hang straight down, which `ref` shifts to. The base's origin moves to the middle of the hips.
+So links, axes, signs, names and order may be any; what the controller needs is read off the result.
 """
 
 from __future__ import annotations

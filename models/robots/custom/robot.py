@@ -43,7 +43,7 @@ class Kind(NamedTuple):
 
     Attributes:
         motion: Ground or air; None for what the spec says.
-        mjcf: Writes the robot anew.
+        mjcf: Writes the robot again.
         check: Refuses a spec that the written robot does not fit.
         rest_height: Height of the base at the start, m.
         controller: Binds to a compiled model.

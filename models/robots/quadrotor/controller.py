@@ -154,7 +154,7 @@ def fly(
     """Advance one tick: smooth the reference, track it, and compute the drag on the body.
 
     Args:
-        setpoint: (8,) row of the setpoint, of which position and heading count.
+        setpoint: (8,) row of the setpoint; position and heading count.
         parameters: (1,) record of the controller's parameters.
         memories: (1,) `MEMORY` record; advanced.
         qpos: (7,) free joint: position, m, and quaternion wxyz.
@@ -195,7 +195,7 @@ def track(
     Args:
         airframe: Body and rotors.
         gains: Gains of the controller.
-        memory: `MEMORY` record, of which `integral` and `lag` are advanced.
+        memory: `MEMORY` record; `integral` and `lag` are advanced.
         qpos: (7,) free joint: position, m, and quaternion wxyz.
         qvel: (6,) free joint: velocity, world frame, and angular velocity, body axes.
         timestep: s.

@@ -38,7 +38,7 @@ class Wiring(NamedTuple):
 class Views(NamedTuple):
     """Views of one `MjData` that the robot reads and writes at every physics step.
 
-    To look a field up and to slice it anew takes as long as a kernel.
+    To look a field up and to slice it again takes as long as a kernel.
 
     Attributes:
         qpos: (19,) free joint and joint angles.

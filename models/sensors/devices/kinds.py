@@ -121,7 +121,7 @@ def cos_sin(angle: NDArray[np.floating]) -> NDArray[np.float64]:  # (n, 2)
 
 @dataclass(frozen=True, kw_only=True)
 class SolidStateLidar(Device):
-    """A lidar that draws a zigzag which goes on from sweep to sweep.
+    """A lidar that draws a zigzag that continues from sweep to sweep.
 
     From beam to beam the elevation moves by `row_step` rows, up and down again, and the azimuth by
     `column_step` columns, see `models.sensors.beams.directions`. The pattern repeats after

@@ -154,7 +154,7 @@ def test_the_task_of_a_stack_on_trial_stays(recorded, tmp_path, setting, line):
 
 def test_a_fork_does_not_change_between_the_built_in_stack_and_one_on_trial(recorded, tmp_path):
     result = recorded(*SHORT["drone"])
-    with pytest.raises(InputError, match="goes on from stack 'builtin'"):
+    with pytest.raises(InputError, match="continues 'builtin'"):
         fork(Path(result.log), 3, ("stack.name=blind",), tmp_path / "fork.mcap")
     code = main(["replay", "fork", recorded(*BLIND).log, "3", "--stack", "builtin"])
     assert code == 2
