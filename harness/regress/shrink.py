@@ -204,22 +204,27 @@ def shrink(
 
 
 def _reduced(case: Case, trials: _Trials, say: Callable[[str], None]) -> tuple[Case, bool]:
-    """Return the smallest scenario, and whether the search ended by itself."""
+    """Return the smallest scenario, and whether the search ended by itself.
+
+    Each scenario that fails alike is smaller than those before it, so one is kept at any bound.
+    """
     before = None
     while before != (before := (case.text(), case.config)):  # what is taken away may free more
         for name, reduction in REDUCTIONS.items():
-            steps = reduction(case)
+            given, steps = case, reduction(case)
             try:
                 asked = next(steps)
                 while True:
-                    asked = steps.send(trials.fail_alike(asked))
+                    alike = trials.fail_alike(asked)
+                    kept = [one for one, failed in zip(asked, alike, strict=True) if failed]
+                    case = kept[0] if kept else case
+                    asked = steps.send(alike)
             except StopIteration as stop:
-                smaller: Case = stop.value
-                if (smaller.text(), smaller.config) != (case.text(), case.config):
-                    say(f"{name}: smaller, after {trials.episodes} episodes")
-                case = smaller
+                case = stop.value
             except _Spent:
                 return case, False
+            if (case.text(), case.config) != (given.text(), given.config):
+                say(f"{name}: smaller, after {trials.episodes} episodes")
     return case, True
 
 

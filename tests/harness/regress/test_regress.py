@@ -13,6 +13,8 @@ import pytest
 from wayproof.harness.cli.main import main
 from wayproof.harness.config import Config
 from wayproof.harness.log.reader import open_log
+from wayproof.harness.regress.scene import case_of
+from wayproof.harness.regress.shrink import _reduced, _Spent
 from wayproof.harness.scenario.scenario import build
 
 
@@ -48,6 +50,31 @@ def test_a_bound_ends_the_search_which_goes_on(failure, tmp_path, capsys):
     assert not document["ended"]
     assert document["before"] == document["after"]
     assert (tmp_path / "small" / "tries" / "logs").is_dir()
+
+
+class Oracle:
+    """Scenarios fail alike while a given mover or solid is in them; so many may be asked for."""
+
+    def __init__(self, needed, most):
+        self.needed, self.most, self.episodes = needed, most, 0
+
+    def fail_alike(self, cases):
+        self.episodes += len(cases)
+        if self.episodes > self.most:
+            raise _Spent
+        return [self.needed in one.found.parts for one in cases]
+
+
+def test_a_bound_keeps_what_was_taken_away_until_then(failure):
+    case = case_of(open_log(failure), 10, None)
+    needed = case.found.parts[-1]
+    smaller, ended = _reduced(case, Oracle(needed, most=10), lambda line: None)
+    assert not ended
+    assert needed in smaller.found.parts
+    assert 1 < len(smaller.found.parts) < len(case.found.parts) / 2
+    smallest, ended = _reduced(case, Oracle(needed, most=1000), lambda line: None)
+    assert ended
+    assert list(smallest.found.parts) == [needed]
 
 
 def test_a_success_has_nothing_to_shrink(tmp_path, capsys):
