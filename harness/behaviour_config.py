@@ -35,8 +35,8 @@ class BehaviourConfig:
         goal_wait_timeout: Time that the robot waits there for the goal to become free, s.
         max_backtracks: Times it goes back along its own trail before the action is `abort`.
         reverse_speed_fraction: Fraction of the speed at which an elongated body moves tail first.
-        narrow_speed_fraction: Fraction of the speed on a path along which an elongated body has no
-            room to turn: in clutter, obstacles are seen late.
+        narrow_speed_fraction: Fraction of the speed with the oriented footprint: in clutter,
+            obstacles are seen late.
         uncertain_sigma: Standard deviation of the position beyond which the robot slows down, m.
             For estimators that state a covariance, where the sweeps do not hold the position.
         uncertain_speed_fraction: Fraction of the speed beyond `uncertain_sigma` or `noisy_sigma`.

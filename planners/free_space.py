@@ -112,14 +112,6 @@ class FreeSpace:
         """Whether it is a plane, for a robot on the ground."""
         return bool(self.grid.field.shape[2] == 1)
 
-    @functools.cached_property
-    def circumscribed(self) -> "FreeSpace":
-        """The space for the disc about the body, in which it may turn as it likes."""
-        if not self.discs:
-            return self
-        room = math.floor(self.turning_room() ** 2)
-        return dataclasses.replace(self, collision_distance_sq=room, discs=())
-
     def is_free(self, point: Floats) -> bool:
         """Return whether a point lies in a free cell."""
         return self.edge_free(point, point)
@@ -230,11 +222,6 @@ class FreeSpace:
             for offset, threshold in zip(self.shape.offsets, self.shape.thresholds, strict=True)
         )
         return float(max(rooms))
-
-    def turnable_along(self, path: Floats) -> bool:
-        """Return whether the body can turn to any heading all along a path (n, 3)."""
-        room = self.turning_room() * self.resolution
-        return not self.discs or self.least_clearance(path) > room
 
     def turnable(self, points: Floats) -> NDArray[np.bool_]:
         """Return whether the body can turn to any heading at each of points (n, 3): (n,)."""

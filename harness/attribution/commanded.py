@@ -186,13 +186,16 @@ def admitted_length(
 ) -> float:
     """Return the length of a path (n, 3) up to the first cell that the body may not enter, m.
 
-    The body's discs head along the path.
+    The body is that of the decision: its circumscribed disc or ball, or its discs headed along the
+    path.
     """
     points = densely(path, 0.5 * costmap.resolution)
     ahead = np.gradient(points, axis=0)
     ahead /= np.maximum(np.linalg.norm(ahead, axis=1, keepdims=True), 1e-9)
+    body = decision.inflation_radius_m - decision.localization_margin_m
+    offsets = [along for along, _ in mission.discs] if body < mission.radius - 1e-6 else [0.0]
     closed: NDArray[np.bool_] = np.zeros(len(points), np.bool_)
-    for along, _ in mission.body_discs:
+    for along in offsets:
         closed |= _is_closed(costmap, points + along * ahead, decision.collision_distance_sq)
     return float(arc_lengths(points)[closed.argmax() if closed.any() else -1])
 

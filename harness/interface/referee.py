@@ -37,23 +37,24 @@ class Judgement:
     old: OldEvidence | None = None
 
 
-def judge(trajectory: Trajectory, input: PlannerInput) -> Judgement:
+def judge(trajectory: Trajectory, circumscribed: PlannerInput, oriented: PlannerInput) -> Judgement:
     """Judge the space that the body sweeps along a trajectory.
 
     Args:
         trajectory: Trajectory that it follows from the time of effect to its rest.
-        input: Planner input of the decision.
+        circumscribed: Planner input with the free space of the disc or ball about the body.
+        oriented: Planner input with that of the body's discs at their heading, or of a round body.
     """
-    path, poses = _swept(trajectory, input)
-    swept = poses if input.traversable.discs else path  # a round body may turn
+    path, poses = _swept(trajectory, oriented)
+    swept = poses if oriented.traversable.discs else path  # a round body may turn
     if (swept == swept[0]).all():  # it keeps its place; a body that creeps does not
         return Judgement("admitted", Obstruction(0.0))
-    if is_free(input.traversable, poses, path):
-        if (old := old_evidence(input, path)) is not None:
+    if is_free(circumscribed.traversable, oriented.traversable, poses, path):
+        if (old := old_evidence(oriented, path)) is not None:
             return Judgement("stale", Obstruction(old.free_m), old)
         return Judgement("admitted", Obstruction(arc_length(path)))
-    overlap = obstruction.on_poses(input, poses, input.unknown_blocks)
-    blocked = not is_free(input.optimistic, poses, path)
+    overlap = obstruction.on_poses(oriented, poses, oriented.unknown_blocks)
+    blocked = not is_free(circumscribed.optimistic, oriented.optimistic, poses, path)
     return Judgement("blocked" if blocked else "unknown", overlap)
 
 
@@ -67,20 +68,23 @@ def _swept(trajectory: Trajectory, planner_input: PlannerInput) -> tuple[Array, 
     return trajectory.path_after(elapsed), poses_from(trajectory, elapsed)
 
 
-def is_free(space: FreeSpace, poses: Array, path: Array | None = None) -> bool:
+def is_free(
+    circumscribed: FreeSpace, oriented: FreeSpace, poses: Array, path: Array | None = None
+) -> bool:
     """Return whether the body is free at and between all poses: as one disc, or as it is headed.
 
     Args:
-        space: Space of the body.
+        circumscribed: Space of the disc or ball about the body.
+        oriented: Space of its discs at their heading.
         poses: (n, 4), x, y, z, m, and heading, rad.
         path: (m, 3) that the poses lie on, m; by default straight lines between them.
     """
-    if _fits_along(space.circumscribed, poses[:, :3] if path is None else path):
+    if fits_along(circumscribed, poses[:, :3] if path is None else path):
         return True
-    return bool(space.discs) and space.free_poses(poses) == len(poses)
+    return bool(oriented.discs) and oriented.free_poses(poses) == len(poses)
 
 
-def _fits_along(space: FreeSpace, path: Array) -> bool:
+def fits_along(space: FreeSpace, path: Array) -> bool:
     """Return whether a disc or ball is free all along a path (n, 3), its start with it."""
     free = space.is_free(path[0])  # which the length of a path of no length does not show
     return free and space.free_length(path) >= arc_length(path) - ROUNDING_M

@@ -27,18 +27,19 @@ from wayproof.harness.interface.errors import StackError
 from wayproof.harness.interface.motion import Followed, commanded
 from wayproof.harness.interface.motion_checks import MotionError
 from wayproof.harness.interface.observations import ObservationBuilder
-from wayproof.harness.interface.referee import Judgement, judge
+from wayproof.harness.interface.referee import Judgement, fits_along, judge
 from wayproof.harness.interface.types import Fate, Observation
 from wayproof.harness.mission import Mission
 from wayproof.harness.schema import stack_pb2 as sb
 from wayproof.harness.schema import wayproof_pb2 as pb
+from wayproof.harness.stack.footprint_mode import FootprintDecision
 from wayproof.harness.stack.manoeuvres.old_evidence import reason_of
 from wayproof.harness.stack.manoeuvres.stopping import brake
 from wayproof.harness.stack.obstruction import braking_reason, obstructed
 from wayproof.harness.stack.pipeline import Navigator
 from wayproof.harness.stack.shadowing import AtRecordedPoses
 from wayproof.harness.stack.situation import not_yet_superseded
-from wayproof.harness.stack.types import Command, Decided, PlannerInput, distance, is_stationary
+from wayproof.harness.stack.types import Command, PlannerInput, distance, is_stationary
 from wayproof.planners import Trajectory, TrajectorySample, hold, remaining
 
 
@@ -130,21 +131,26 @@ class TrialNavigator(Navigator):
         decision.verdict.limited = self._limited
         return decision
 
-    def _decide(self, planner_input: PlannerInput) -> Decided:
+    def _decide(self, planner_input: PlannerInput) -> FootprintDecision:
         """Judge the command, and follow it unless the guard brakes in its place."""
+        oriented = planner_input
+        if self._input_builder.elongated:
+            oriented = self._input_builder.oriented(planner_input)
         command = self._command()
         start = self.state.trajectory.at(planner_input.effect_ns)
         trajectory, self._limited = self._trajectory(command, planner_input)
-        judgement = judge(trajectory, planner_input)
+        judgement = judge(trajectory, planner_input, oriented)
         cut = self._config.stack.guard and judgement.verdict != "admitted"
         self._judgement = judgement, cut
         if cut:
-            decided = self._brake(planner_input, judgement, start)
+            decided = self._brake(oriented, judgement, start)
         else:
             decided = self._follow(command, trajectory, planner_input, judgement)
         committed = (*not_yet_superseded(planner_input, self.state), decided.trajectory)
         state = replace(self.state, committed=committed)
-        return Decided(decided, state)
+        fits = fits_along(planner_input.traversable, decided.trajectory.path)
+        footprint = planner_input if fits else oriented
+        return FootprintDecision(decided, state, footprint)
 
     @property
     def _who(self) -> str:

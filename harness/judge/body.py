@@ -85,11 +85,6 @@ class Body:
         return self.mission.body_discs
 
     @property
-    def least_radius(self) -> float:
-        """Radius of the smallest disc or ball, m."""
-        return min(radius for _, radius in self.discs)
-
-    @property
     def radius(self) -> float:
         """Radius of the circumscribed disc or ball, m."""
         return max(abs(offset) + radius for offset, radius in self.discs)

@@ -558,16 +558,14 @@ class Exploration(_message.Message):
     def __init__(self, since: _Optional[int] = ..., backtracking: _Optional[bool] = ..., returning: _Optional[bool] = ...) -> None: ...
 
 class Route(_message.Message):
-    __slots__ = ("path", "improved_ns", "exploration", "roomy")
+    __slots__ = ("path", "improved_ns", "exploration")
     PATH_FIELD_NUMBER: _ClassVar[int]
     IMPROVED_NS_FIELD_NUMBER: _ClassVar[int]
     EXPLORATION_FIELD_NUMBER: _ClassVar[int]
-    ROOMY_FIELD_NUMBER: _ClassVar[int]
     path: Points
     improved_ns: int
     exploration: Exploration
-    roomy: bool
-    def __init__(self, path: _Optional[_Union[Points, _Mapping]] = ..., improved_ns: _Optional[int] = ..., exploration: _Optional[_Union[Exploration, _Mapping]] = ..., roomy: _Optional[bool] = ...) -> None: ...
+    def __init__(self, path: _Optional[_Union[Points, _Mapping]] = ..., improved_ns: _Optional[int] = ..., exploration: _Optional[_Union[Exploration, _Mapping]] = ...) -> None: ...
 
 class PathLoss(_message.Message):
     __slots__ = ("sequence", "under_way", "label")
@@ -597,21 +595,51 @@ class Trails(_message.Message):
     unheld: Points
     def __init__(self, breadcrumbs: _Optional[_Union[Points, _Mapping]] = ..., unheld: _Optional[_Union[Points, _Mapping]] = ...) -> None: ...
 
+class ClosedGap(_message.Message):
+    __slots__ = ("place", "tries")
+    PLACE_FIELD_NUMBER: _ClassVar[int]
+    TRIES_FIELD_NUMBER: _ClassVar[int]
+    place: _containers.RepeatedScalarFieldContainer[float]
+    tries: int
+    def __init__(self, place: _Optional[_Iterable[float]] = ..., tries: _Optional[int] = ...) -> None: ...
+
+class LostWay(_message.Message):
+    __slots__ = ("place", "length_m", "time_ns")
+    PLACE_FIELD_NUMBER: _ClassVar[int]
+    LENGTH_M_FIELD_NUMBER: _ClassVar[int]
+    TIME_NS_FIELD_NUMBER: _ClassVar[int]
+    place: _containers.RepeatedScalarFieldContainer[float]
+    length_m: float
+    time_ns: int
+    def __init__(self, place: _Optional[_Iterable[float]] = ..., length_m: _Optional[float] = ..., time_ns: _Optional[int] = ...) -> None: ...
+
+class Narrows(_message.Message):
+    __slots__ = ("oriented", "closed", "lost")
+    ORIENTED_FIELD_NUMBER: _ClassVar[int]
+    CLOSED_FIELD_NUMBER: _ClassVar[int]
+    LOST_FIELD_NUMBER: _ClassVar[int]
+    oriented: bool
+    closed: _containers.RepeatedCompositeFieldContainer[ClosedGap]
+    lost: LostWay
+    def __init__(self, oriented: _Optional[bool] = ..., closed: _Optional[_Iterable[_Union[ClosedGap, _Mapping]]] = ..., lost: _Optional[_Union[LostWay, _Mapping]] = ...) -> None: ...
+
 class PlannerState(_message.Message):
-    __slots__ = ("committed", "route", "path_loss", "rest_since_ns", "tries", "trails")
+    __slots__ = ("committed", "route", "path_loss", "rest_since_ns", "tries", "trails", "narrows")
     COMMITTED_FIELD_NUMBER: _ClassVar[int]
     ROUTE_FIELD_NUMBER: _ClassVar[int]
     PATH_LOSS_FIELD_NUMBER: _ClassVar[int]
     REST_SINCE_NS_FIELD_NUMBER: _ClassVar[int]
     TRIES_FIELD_NUMBER: _ClassVar[int]
     TRAILS_FIELD_NUMBER: _ClassVar[int]
+    NARROWS_FIELD_NUMBER: _ClassVar[int]
     committed: _containers.RepeatedCompositeFieldContainer[CommittedTrajectory]
     route: Route
     path_loss: PathLoss
     rest_since_ns: int
     tries: Tries
     trails: Trails
-    def __init__(self, committed: _Optional[_Iterable[_Union[CommittedTrajectory, _Mapping]]] = ..., route: _Optional[_Union[Route, _Mapping]] = ..., path_loss: _Optional[_Union[PathLoss, _Mapping]] = ..., rest_since_ns: _Optional[int] = ..., tries: _Optional[_Union[Tries, _Mapping]] = ..., trails: _Optional[_Union[Trails, _Mapping]] = ...) -> None: ...
+    narrows: Narrows
+    def __init__(self, committed: _Optional[_Iterable[_Union[CommittedTrajectory, _Mapping]]] = ..., route: _Optional[_Union[Route, _Mapping]] = ..., path_loss: _Optional[_Union[PathLoss, _Mapping]] = ..., rest_since_ns: _Optional[int] = ..., tries: _Optional[_Union[Tries, _Mapping]] = ..., trails: _Optional[_Union[Trails, _Mapping]] = ..., narrows: _Optional[_Union[Narrows, _Mapping]] = ...) -> None: ...
 
 class MapContent(_message.Message):
     __slots__ = ("ticks", "bricks", "records", "window", "filters")

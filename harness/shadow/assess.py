@@ -169,9 +169,9 @@ class _Judging:
         pose = np.append(inputs.pose.position, inputs.pose.heading)
         shift = pose[:3] - self._ways[number][-1, :3]
         near = clearance(self.body.standing_at(inputs.pose), pose, self.map)
-        planned = navigator.planner_input(inputs)
-        lay_beside(self._motions[number], navigator, planned, self.own_maps)
-        ahead = self._next_second_admitted(planned, number, shift)
+        planned = navigator.planner_inputs(inputs)
+        lay_beside(self._motions[number], navigator, planned[1], self.own_maps)
+        ahead = self._next_second_admitted(navigator, planned, number, shift)
         piece = None
         if number + 1 < len(self._ways) and not self._is_lost(number + 1):
             piece = self._piece(navigator, planned, inputs, number, shift)
@@ -192,14 +192,14 @@ class _Judging:
     def _piece(
         self,
         navigator: Navigator,
-        planned: PlannerInput,
+        planned: tuple[PlannerInput, PlannerInput],
         inputs: Inputs,
         number: int,
         shift: Array,
     ) -> Piece:
         """Return the way to the next decision, judged on the map of this one."""
         poses = self._ways[number + 1] + np.append(shift, 0.0)
-        admitted, found = self._admits(planned, poses), Found("margin", ())
+        admitted, found = self._admits(navigator, planned, poses), Found("margin", ())
         if not admitted:
             margin = navigator.costmap.margin
             found = find_cause(
@@ -216,7 +216,11 @@ class _Judging:
         )
 
     def _next_second_admitted(
-        self, planned: PlannerInput, number: int, shift: Array
+        self,
+        navigator: Navigator,
+        planned: tuple[PlannerInput, PlannerInput],
+        number: int,
+        shift: Array,
     ) -> bool | None:
         """Return whether the way of the next second is admitted by the map of now."""
         last = number + 1
@@ -227,13 +231,16 @@ class _Judging:
         poses = np.concatenate(self._ways[number + 1 : last + 1]) + np.append(shift, 0.0)
         if not is_moving(poses):
             return None
-        return self._admits(planned, poses)
+        return self._admits(navigator, planned, poses)
 
-    def _admits(self, planned: PlannerInput, poses: Array) -> bool:
+    def _admits(
+        self, navigator: Navigator, planned: tuple[PlannerInput, PlannerInput], poses: Array
+    ) -> bool:
+        circumscribed, oriented = planned
         placed = poses.copy()
-        if planned.gait.in_plane:
-            placed[:, 2] = planned.position[2]
-        return is_free(planned.traversable, placed)
+        if circumscribed.gait.in_plane:
+            placed[:, 2] = circumscribed.position[2]
+        return is_free(circumscribed.traversable, oriented.traversable, placed)
 
 
 def is_moving(poses: Array) -> bool:

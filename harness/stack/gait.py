@@ -29,7 +29,7 @@ class Gait:
     Attributes:
         limits: Greatest speed, acceleration, jerk and yaw rate of a command.
         discs: Offset along the x axis of the body, and radius without the margin, of each of its
-            discs, m.
+            discs, m; those of an elongated body in the circumscribed space, too.
         sideways_speed: Speed in any direction, whatever the body faces, m/s; 0 if it turns before
             it moves, or if it flies, if it takes a bend no faster than it turns.
         omnidirectional: Whether the sensors see all around the body, not ahead of it alone.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
@@ -55,16 +54,6 @@ LEAST_SAVING = 0.2
 
 HEADINGS = np.linspace(0.0, np.pi, 8, endpoint=False)
 """Headings that a goal is tried at, rad; a body that is free at one is free at the opposite one."""
-
-DETOUR_RATIO = 2.0
-"""Ratio of a path's length to that of the one it replaces beyond which it is a detour."""
-
-DETOUR_LENGTH = 2.0
-"""Length that a detour is longer besides, m.
-
-A gap that is too narrow for the circumscribed disc looks wide enough from afar, where what bounds
-it is hardly seen: without this rule a robot went to and fro between two ways.
-"""
 
 
 class GlobalPlan(NamedTuple):
@@ -120,14 +109,13 @@ def keep_or_replan(input: PlannerInput, state: PlannerState, start: TrajectorySa
             beginning,
             start.heading,
             seed,
-            rest,
             only_known=kept is not None and kept.exploring,
         ),
     )
     if kept is not None and not _is_better(input, kept, start, found):
         state = kept.searched(input.time_ns)
     else:
-        state = replace(state, route=_route(input, search, found))
+        state = replace(state, route=None if found is None else Route(found, input.time_ns))
     return GlobalPlan(state, search, seed)
 
 
@@ -146,9 +134,8 @@ def _replans_at_end(state: PlannerState, start: TrajectorySample) -> bool:
 
 def _is_valid(input: PlannerInput, state: PlannerState) -> bool:
     """Return whether the path is not known to be blocked, and leads to the goal or a viewpoint."""
-    path, space = state.path, input.optimistic
-    roomy = state.route is not None and state.route.roomy
-    valid = is_free_along(space.circumscribed if roomy else space, path)
+    path = state.path
+    valid = is_free_along(input.optimistic, path)
     if state.exploring:
         return valid
     return valid and distance(path[-1], input.goal) <= GOAL_MOVED * input.optimistic.resolution
@@ -176,7 +163,6 @@ def _replan(
     prefix: Array,
     heading: float,
     seed: int,
-    rest: PlannerState | None,
     only_known: bool,
 ) -> tuple[Plan, Array | None]:
     """Plan from the prefix's end: through known space if that reaches the goal, else optimistic.
@@ -189,7 +175,6 @@ def _replan(
         prefix: (n, 3) of the path that is kept, m.
         heading: Heading of the body at its beginning, rad.
         seed: Seed of the search.
-        rest: State with what is left of the last path, if there is any.
         only_known: Whether only a path through known space is of use.
 
     Returns:
@@ -213,51 +198,25 @@ def _replan(
         path = joined(search, space)
         if path is not None and enough_admitted(input, path):
             return search, path
-    detour, longest = None, _longest(input, rest)
-    for space in _spaces(input, rest, only_known):
+    for space in _spaces(input, only_known):
         search = plan_in(space)
-        if search.length <= longest and search.waypoints is not None:
-            return search, joined(search, space)
-        if detour is None and search.waypoints is not None:
-            detour = search, joined(search, space)
-    return detour or (search, None)
+        if search.waypoints is not None:
+            break
+    return search, joined(search, space)
 
 
-def _spaces(
-    input: PlannerInput, rest: PlannerState | None, only_known: bool
-) -> Iterator[FreeSpace]:
+def _spaces(input: PlannerInput, only_known: bool) -> Iterator[FreeSpace]:
     """Yield the spaces that are searched, until a way is found; arguments as of `_replan`.
 
-    First all of the disc about an elongated body, in which it may turn as it likes: that is fast,
-    and has room to spare. Then those of the body at its heading; and on a narrow way only these.
+    Beyond known space at once where gaps closed: the way that the robot knows may lead through one.
     """
-    spaces = [input.known_free]
-    if not only_known:
-        guided = input.spaces.guided
-        spaces += [input.optimistic] if guided is None else [guided, input.optimistic]
-    if input.optimistic.discs and not _is_narrow(input, rest):
-        yield from (space.circumscribed for space in spaces)
-    yield from spaces
-
-
-def _is_narrow(input: PlannerInput, rest: PlannerState | None) -> bool:
-    """Return whether a path was found without room to turn, and has none yet."""
-    if rest is None or rest.route is None or rest.route.roomy:
-        return False
-    return not input.optimistic.turnable_along(rest.path)
-
-
-def _route(input: PlannerInput, search: Plan, path: Array | None) -> Route | None:
-    if path is None:
-        return None
-    return Route(path, input.time_ns, roomy=search.headings is None)
-
-
-def _longest(input: PlannerInput, rest: PlannerState | None) -> float:
-    """Return the length of a path beyond which an elongated body takes any shorter one, m."""
-    if not input.optimistic.discs or rest is None or rest.exploring:
-        return math.inf
-    return DETOUR_RATIO * arc_length(rest.path) + DETOUR_LENGTH
+    if only_known or not input.spaces.avoids_gaps:
+        yield input.known_free
+    if only_known:
+        return
+    if input.spaces.guided is not None:
+        yield input.spaces.guided
+    yield input.optimistic
 
 
 def _joined(

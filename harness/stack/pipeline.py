@@ -17,12 +17,13 @@ from wayproof.harness.inputs import Beams, Inputs
 from wayproof.harness.mission import Mission
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack.decide import decide
+from wayproof.harness.stack.footprint_mode import FootprintDecision, decide_with_footprint
 from wayproof.harness.stack.mapping import Mapper
 from wayproof.harness.stack.planner_input import FreeSpaceBuilder, PlannerInputBuilder
 from wayproof.harness.stack.prediction import Predicted, Predictions
 from wayproof.harness.stack.record import StageClock, record, record_missed_deadline
 from wayproof.harness.stack.state import PlannerState, for_next_goal
-from wayproof.harness.stack.types import Decided, PlannerInput
+from wayproof.harness.stack.types import PlannerInput
 from wayproof.planners import Trajectory, hold
 
 
@@ -48,15 +49,21 @@ class Navigator:
         self.mapper = Mapper(config, mission, beams)
         self.map, self.labels = self.mapper.map, self.mapper.labels
         self.costmap = self.mapper.costmap
-        spaces = self.SPACES(config, mission, self.costmap, self.mapper.omnidirectional)
-        self._input_builder = PlannerInputBuilder(config, mission, self.mapper, spaces)
+        self._spaces = self.SPACES(config, mission, self.costmap, self.mapper.omnidirectional)
+        self._input_builder = PlannerInputBuilder(config, mission, self.mapper, self._spaces)
         start = self.mapper.planning_point(np.array(mission.start))
         self.state = self._draft = PlannerState((hold(start, 0, mission.start_heading),))
         self.chain = ""
 
-    def planner_input(self, inputs: Inputs) -> PlannerInput:
-        """Return the planner input of some inputs, until the next update of the costmap."""
-        return self._input_builder.build(inputs)
+    def planner_inputs(self, inputs: Inputs) -> tuple[PlannerInput, PlannerInput]:
+        """Return the planner input for the circumscribed footprint, and for the oriented one.
+
+        Of a round body they are the same. They hold until the next update of the costmap.
+        """
+        circumscribed = self._input_builder.circumscribed(inputs)
+        if not self._input_builder.elongated:
+            return circumscribed, circumscribed
+        return circumscribed, self._input_builder.oriented(circumscribed)
 
     @property
     def draft(self) -> PlannerState:
@@ -105,7 +112,7 @@ class Navigator:
         self.mapper.update_costmap(inputs)  # distances, margin, unknown policy
         version = self.mapper.version()
         clock.end("costmap")
-        planner_input = self.planner_input(inputs)
+        planner_input = self._input_builder.circumscribed(inputs)
         decision = self._decide_and_record(inputs, planner_input, version)
         clock.end("plan")
         clock.write(decision.stages)
@@ -136,8 +143,13 @@ class Navigator:
     def _decide_and_record(
         self, inputs: Inputs, planner_input: PlannerInput, version: str
     ) -> pb.Decision:
-        command, self._draft = self._decide(planner_input)
-        return record(inputs, planner_input, command, self.mapper, version)
+        command, self._draft, planner_input = self._decide(planner_input)
+        radius = self._spaces.inflation_radius(planner_input.traversable)
+        return record(inputs, planner_input, command, self.mapper, radius, version)
 
-    def _decide(self, planner_input: PlannerInput) -> Decided:
-        return decide(planner_input, self.state)
+    def _decide(self, planner_input: PlannerInput) -> FootprintDecision:
+        if not self._input_builder.elongated:
+            return FootprintDecision(*decide(planner_input, self.state), planner_input)
+        return decide_with_footprint(
+            planner_input, lambda: self._input_builder.oriented(planner_input), self.state
+        )

@@ -23,7 +23,7 @@ from wayproof.harness.stack.types import (
     Localization,
     PlannerInput,
 )
-from wayproof.maps import Costmap
+from wayproof.maps import Costmap, collision_distance_sq
 from wayproof.planners import Disc, FreeSpace, MotionLimits
 
 Array = NDArray[np.float64]
@@ -39,7 +39,8 @@ HELD_SHARE = 0.5
 class FreeSpaceBuilder:
     """Builds the free space of one costmap for one mission's body.
 
-    An elongated body is several discs at its heading.
+    An elongated body is several discs at its heading (oriented footprint), or one disc about all
+    of them (circumscribed footprint), which may turn as it likes.
     """
 
     def __init__(
@@ -55,28 +56,36 @@ class FreeSpaceBuilder:
         """
         self._config, self._costmap = config, costmap
         self._body = body_of(mission)
+        self._elongated = bool(mission.discs)
         lowers = omnidirectional and not mission.planar
         self._edge_cost = EDGE_COST_IN_FLIGHT if lowers else 1.0
+        self._extra_radius = self._body.circumscribed_radius - min(self._body.radii)
         self._costs_of: Array | None = None
         self._cost_by_distance = np.empty(0)
 
-    def spaces(self) -> FreeSpaces:
-        """Return free space by all readings of the costmap."""
-        costmap = self._costmap
-        traversable = known_free = self.known_free()
-        if costmap.config.unknown_policy != "forbid":
-            traversable = self._space(costmap.field())
-        return FreeSpaces(traversable, known_free, self._optimistic(), costmap.states_between)
+    def inflation_radius(self, space: FreeSpace) -> float:
+        """Return the inflation radius of the footprint that a space is for, m."""
+        return self._costmap.inflation_radius + (0.0 if space.discs else self._extra_radius)
 
-    def guided(self, measured: Costmap) -> FreeSpace:
-        """Return optimistic space by all evidence.
+    def spaces(self, circumscribed: bool) -> FreeSpaces:
+        """Return free space for the disc about the body, or for its discs at its heading."""
+        costmap, circumscribed = self._costmap, circumscribed and self._elongated
+        traversable = known_free = self._space(costmap.clearance, circumscribed)
+        if costmap.config.unknown_policy != "forbid":
+            traversable = self._space(costmap.field(), circumscribed)
+        optimistic = self._optimistic(circumscribed)
+        return FreeSpaces(traversable, known_free, optimistic, costmap.states_between)
+
+    def guided(self, measured: Costmap, circumscribed: bool) -> FreeSpace:
+        """Return optimistic space by all evidence, for the disc about the body or for its discs.
 
         What is free by other evidence than measurements costs `prior.cost`.
 
         Args:
             measured: Costmap of what was measured, with the same cells and margin.
+            circumscribed: Whether for the disc.
         """
-        space = self._optimistic()
+        space = self._optimistic(circumscribed and self._elongated)
         measured_free = measured.clearance > space.collision_distance_sq
         elsewhere = np.where(measured_free, np.uint8(0), np.uint8(ELSEWHERE))
         prices = np.where(space.grid.price == UNKNOWN, np.uint8(UNKNOWN), elsewhere)
@@ -84,13 +93,14 @@ class FreeSpaceBuilder:
         costs = {ELSEWHERE: beside + self._config.prior.cost}
         return with_costs(replace(space, prices=prices), costs)
 
-    def known_free(self) -> FreeSpace:
-        """Return space known to be free."""
-        return self._space(self._costmap.clearance)
+    def known_free(self, circumscribed: bool) -> FreeSpace:
+        """Return space known to be free, for the disc about the body or for its discs."""
+        return self._space(self._costmap.clearance, circumscribed and self._elongated)
 
     def _space(
         self,
         distances: NDArray[np.uint16],
+        circumscribed: bool,
         prices: NDArray[np.uint8] | None = None,
         cost_by_price: tuple[float, ...] = (0.0,),
     ) -> FreeSpace:
@@ -99,23 +109,24 @@ class FreeSpaceBuilder:
             distances=distances,
             origin=costmap.origin,
             resolution=costmap.resolution,
-            collision_distance_sq=self._threshold(),
+            collision_distance_sq=self._threshold(circumscribed),
             cost_by_distance=self._costs(),
-            discs=self._discs(),
+            discs=() if circumscribed else self._discs(),
             prices=prices,
             cost_by_price=cost_by_price,
         )
 
-    def _optimistic(self) -> FreeSpace:
+    def _optimistic(self, circumscribed: bool) -> FreeSpace:
         """Return space not known to be blocked: where unknown, as at an obstacle's edge.
 
         So a global path may cross the unknown, at `behaviour.unknown_cost`, and takes known space
         where it can.
         """
-        costmap, cost = self._costmap, self._config.behaviour.unknown_cost
-        cost += NARROW_COST if len(self._body.radii) > 1 else 0.0
-        unknown = (costmap.clearance <= self._threshold()).view(np.uint8)  # 1: `UNKNOWN`
-        return self._space(costmap.obstacle_clearance, unknown, (0.0, cost))
+        costmap, threshold = self._costmap, self._threshold(circumscribed)
+        oriented = self._elongated and not circumscribed
+        cost = self._config.behaviour.unknown_cost + (NARROW_COST if oriented else 0.0)
+        unknown = (costmap.clearance <= threshold).view(np.uint8)  # 1: `UNKNOWN`
+        return self._space(costmap.obstacle_clearance, circumscribed, unknown, (0.0, cost))
 
     def _costs(self) -> Array:
         """Return the costs by squared distance; again when the costmap's own have changed."""
@@ -124,13 +135,17 @@ class FreeSpaceBuilder:
             self._cost_by_distance = self._edge_cost * costs(self._costmap, self._body)
         return self._cost_by_distance
 
-    def _threshold(self) -> int:
-        """Return the largest squared distance at which the least disc collides, cells^2."""
-        return self._costmap.collision_distance_sq
+    def _threshold(self, circumscribed: bool) -> int:
+        """Return the largest squared distance at which a body collides, cells^2."""
+        costmap = self._costmap
+        if not circumscribed:
+            return costmap.collision_distance_sq
+        radius = self._body.circumscribed_radius + costmap.margin
+        return collision_distance_sq(radius, costmap.resolution, flat=True)
 
     def _discs(self) -> tuple[Disc, ...]:
         """Return the discs that are checked at the heading; none if the body is one."""
-        if len(self._body.radii) == 1:
+        if not self._elongated:
             return ()
         return self._body.discs(self._costmap.margin, self._costmap.resolution, flat=True)
 
@@ -155,8 +170,13 @@ class PlannerInputBuilder:
         ]
         self._far_ways = FarWays(config, mission, mapper)
 
-    def build(self, inputs: Inputs) -> PlannerInput:
-        """Return the planner input of the decision on some inputs."""
+    @property
+    def elongated(self) -> bool:
+        """Whether the body is several discs."""
+        return bool(self._mission.discs)
+
+    def circumscribed(self, inputs: Inputs) -> PlannerInput:
+        """Return the planner input for the circumscribed footprint."""
         pose = inputs.pose
         goal = self._goal if inputs.goal is None else self._mapper.planning_point(inputs.goal)
         return PlannerInput(
@@ -168,7 +188,7 @@ class PlannerInputBuilder:
             goal=goal,
             config=self._config,
             gait=self._gait,
-            spaces=self._with_evidence(),
+            spaces=self._with_evidence(circumscribed=True),
             localization=localization_of(pose, self._mission.axes),
             range_sigma=self._mapper.range_sigma,
             pose_age_s=self._mapper.pose_age_ns * 1e-9,
@@ -176,14 +196,20 @@ class PlannerInputBuilder:
             observed_ns=self._mapper.map.observed_ns_at,
         )
 
-    def _with_evidence(self) -> FreeSpaces:
-        """Return the spaces with what was not measured, too."""
+    def oriented(self, circumscribed: PlannerInput) -> PlannerInput:
+        """Return the planner input for the oriented footprint."""
+        return replace(circumscribed, spaces=self._with_evidence(circumscribed=False))
+
+    def _with_evidence(self, circumscribed: bool) -> FreeSpaces:
+        """Return the spaces of a footprint with what was not measured, too."""
+        spaces = self._spaces.spaces(circumscribed)
         guide, measured = self._guide, self._mapper.stages[0].costmap
-        guided = None if guide is None else guide.guided(measured)
+        guided = None if guide is None else guide.guided(measured, circumscribed)
         evidence = tuple(
-            EvidenceSpace(provenance, builder.known_free()) for provenance, builder in self._stages
+            EvidenceSpace(provenance, builder.known_free(circumscribed))
+            for provenance, builder in self._stages
         )
-        return replace(self._spaces.spaces(), guided=guided, evidence=evidence)
+        return replace(spaces, guided=guided, evidence=evidence)
 
 
 def localization_of(pose: Pose, axes: int) -> Localization | None:

@@ -118,8 +118,8 @@ def stages_of(
 def evidence_along(path: Array | None, spaces: Sequence[EvidenceSpace]) -> pb.Evidence:
     """Return the lengths of a path (n, 3) at which the body is free by each provenance, m.
 
-    By its disc or ball, or by the smallest of its discs. What no stage has free is unproven:
-    unknown, or inside the inflation.
+    By its circumscribed disc or ball, or by the smallest of its discs where it is planned for by
+    them. What no stage has free is unproven: unknown, or inside the inflation.
     """
     evidence = pb.Evidence()
     total = 0.0 if path is None else polyline_length(path)

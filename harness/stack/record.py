@@ -27,15 +27,17 @@ def record(
     planner_input: PlannerInput,
     command: Command,
     mapper: Mapper,
+    inflation_radius: float,
     version: str,
 ) -> pb.Decision:
     """Write a decision down; delay and chain come when it is committed.
 
     Args:
         inputs: Sweeps and pose that it was made on.
-        planner_input: Input of the decision.
+        planner_input: Input of the decision, for the footprint chosen.
         command: Command that was decided.
         mapper: Map and costmap that it rests on.
+        inflation_radius: Inflation radius of the footprint chosen, m.
         version: Version of the map.
     """
     path, search, config = command.trajectory.path, command.search, mapper.costmap.config
@@ -47,7 +49,7 @@ def record(
         map_version=version,
         resolution_m=mapper.map.resolution,
         unknown_policy=config.unknown_policy,
-        inflation_radius_m=mapper.costmap.inflation_radius,
+        inflation_radius_m=inflation_radius,
         localization_margin_m=mapper.costmap.margin,
         widening=mapper.costmap.widening if any(mapper.costmap.widening) else (),
         collision_distance_sq=planner_input.traversable.collision_distance_sq,

@@ -154,11 +154,6 @@ class Course(NamedTuple):
         return is_stationary(self.start)
 
     @property
-    def leaves_rest(self) -> bool:
-        """Whether it rests, and not at the end of its path, which has no heading there."""
-        return self.at_rest and arc_length(self.state.path) >= ARRIVED
-
-    @property
     def is_blocked_at_rest(self) -> bool:
         """Whether something blocks the path before an advance that is worth leaving rest for."""
         return self.at_rest and self.part.blocked and self.part.length < MIN_ADVANCE

@@ -16,6 +16,9 @@ Array = NDArray[np.float64]
 UnderWay = Literal["", "escape"]
 """A manoeuvre without a global path that the next decision may go on with."""
 
+Place = tuple[float, float, float]
+"""Position, m."""
+
 
 def _nowhere() -> Array:
     return np.empty((0, 3))
@@ -44,13 +47,11 @@ class Route:
         path: (n, 3) from the start of the last trajectory to the goal, or to a viewpoint, m.
         improved_ns: Time of the last search for a cheaper one.
         exploration: The detour that it belongs to; none if it leads to the goal.
-        roomy: Whether it was found with room for the body to turn all along, and is kept only so.
     """
 
     path: Array
     improved_ns: int = 0
     exploration: Exploration | None = None
-    roomy: bool = False
 
 
 @dataclass(frozen=True)
@@ -97,6 +98,50 @@ class Trails:
 
 
 @dataclass(frozen=True)
+class ClosedGap:
+    """A narrow gap that closed before the robot, which then took a detour.
+
+    Attributes:
+        place: Place on the global path at which it did, m.
+        tries: Number of times that it did.
+    """
+
+    place: Place
+    tries: int
+
+
+@dataclass(frozen=True)
+class LostWay:
+    """The global path that last closed right before an elongated body.
+
+    Attributes:
+        place: Place on it at which it closed, m.
+        length_m: Length that was left of it, m.
+        time_ns: Time of the sweep.
+    """
+
+    place: Place
+    length_m: float
+    time_ns: int
+
+
+@dataclass(frozen=True)
+class Narrows:
+    """What an elongated body remembers of narrow places.
+
+    Attributes:
+        oriented: Whether it is planned for by its discs at their heading, not by the one about
+            them.
+        closed: Gaps that closed before it, the latest last.
+        lost: The path that last closed before it, until it takes another.
+    """
+
+    oriented: bool = False
+    closed: tuple[ClosedGap, ...] = ()
+    lost: LostWay | None = None
+
+
+@dataclass(frozen=True)
 class PlannerState:
     """All that one decision carries over to the next.
 
@@ -107,6 +152,7 @@ class PlannerState:
         rest_since_ns: Time at which the robot began to wait for a way; -1 if it does not wait.
         tries: What was tried since the last goal.
         trails: Places of the way travelled.
+        narrows: What an elongated body remembers of narrow places.
     """
 
     committed: tuple[Trajectory, ...]
@@ -115,6 +161,7 @@ class PlannerState:
     rest_since_ns: int = -1
     tries: Tries = Tries()
     trails: Trails = Trails()
+    narrows: Narrows = Narrows()
 
     @property
     def trajectory(self) -> Trajectory:
@@ -165,4 +212,5 @@ class PlannerState:
 
 def for_next_goal(state: PlannerState) -> PlannerState:
     """Return the state after a goal was reached: all counts of tries begin again."""
-    return replace(state, rest_since_ns=-1, tries=Tries())
+    narrows = Narrows(oriented=state.narrows.oriented)
+    return replace(state, rest_since_ns=-1, tries=Tries(), narrows=narrows)

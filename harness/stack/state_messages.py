@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from wayproof.harness.geometry import polyline_length
 from wayproof.harness.input_messages import MAX_COORDINATE
 from wayproof.harness.schema import wayproof_pb2 as pb
-from wayproof.harness.stack.state import PlannerState, Route
+from wayproof.harness.stack.state import ClosedGap, PlannerState, Route
 from wayproof.planners import Trajectory
 from wayproof.planners.jerk_limited import Profile
 
@@ -127,6 +127,11 @@ def _check_profile(profile: Profile) -> None:
         raise ValueError(f"duration: {profile.duration} s")
 
 
+def _check_gap(gap: ClosedGap) -> None:
+    if gap.tries == 0:
+        raise ValueError("closed: a gap that was never tried")
+
+
 def _check_state(state: PlannerState) -> None:
     if not state.committed:
         raise ValueError("committed: no trajectory")
@@ -136,6 +141,7 @@ CHECKS: dict[type, Callable[[Any], None]] = {
     Trajectory: _check_path,
     Route: _check_path,
     Profile: _check_profile,
+    ClosedGap: _check_gap,
     PlannerState: _check_state,
 }
 """Checks of what a record must be besides the types of its fields."""

@@ -89,7 +89,7 @@ GOAL_SHARE = 0.8
 
 @dataclass(frozen=True)
 class FreeSpaces:
-    """Free space for the body under several readings of the costmap.
+    """Free space for one footprint under several readings of the costmap.
 
     Attributes:
         traversable: Space that the unknown policy lets the body enter.
@@ -98,7 +98,9 @@ class FreeSpaces:
             Koenig and Smirnov 1997).
         cell_states: States of the costmap's cells.
         guided: The optimistic space with what was not measured laid under the map: its
-            occupied cells block, and its free ones cost less than unknown ones. None without any.
+            occupied cells block, and its free ones cost less than unknown ones; and with the cost
+            of closed gaps. None without either.
+        avoids_gaps: Whether closed gaps cost more in it.
         evidence: Space known to be free by each stage of the evidence, the measured one first;
             empty without any other.
     """
@@ -108,6 +110,7 @@ class FreeSpaces:
     optimistic: FreeSpace
     cell_states: CellStates
     guided: FreeSpace | None = None
+    avoids_gaps: bool = False
     evidence: tuple[EvidenceSpace, ...] = ()
 
 
@@ -124,7 +127,7 @@ class PlannerInput:
         goal: (3,) m.
         config: Settings of the mission.
         gait: How the body moves.
-        spaces: Free space for the body.
+        spaces: Free space for the footprint that is decided for.
         localization: Uncertainty of the pose; None if no covariance is stated.
         range_sigma: Standard deviation of the ranges of the sweeps, m; 0 where it is not estimated.
         pose_age_s: Time since the pose was estimated, by its stamp or as it comes again, s.

@@ -9,6 +9,7 @@ import numpy as np
 from wayproof.harness.decision import SAMPLE_PERIOD
 from wayproof.harness.geometry import wrap_angle
 from wayproof.harness.log.paths import SAME_PLACE, heading_at, place_at, speed_at
+from wayproof.harness.mission import Mission
 from wayproof.harness.replay.audit.committed import Committed, Violation
 
 ROUNDING = 1e-9
@@ -81,15 +82,25 @@ def check_margin(committed: Committed) -> list[Violation]:
         return [committed.broken("margin", text)]
     said = decision.inflation_radius_m, decision.collision_distance_sq
     size = committed.config.map.resolution
-    inflation = committed.body.least_radius + margin + size * committed.body.half_diagonal
-    least = math.floor((inflation / size) ** 2 + CELL_ROUNDING)
-    if abs(said[0] - inflation) <= ROUNDING and said[1] == least:
-        return []
+    expected = []
+    for radius in radii_of(committed.mission):
+        inflation = radius + margin + size * committed.body.half_diagonal
+        least = math.floor((inflation / size) ** 2 + CELL_ROUNDING)
+        if abs(said[0] - inflation) <= ROUNDING and said[1] == least:
+            return []
+        expected.append(f"{inflation:.4f} m and {least}")
     text = (
-        f"inflation {said[0]:.4f} m and {said[1]} squared cells, "
-        f"expected {inflation:.4f} m and {least}"
+        f"inflation {said[0]:.4f} m and {said[1]} squared cells, expected {' or '.join(expected)}"
     )
     return [committed.broken("margin", text)]
+
+
+def radii_of(mission: Mission) -> list[float]:
+    """Return the radii that a decision may use, m: of the body, or of its smallest disc."""
+    if not mission.discs:
+        return [mission.radius]
+    about = max(abs(offset) + radius for offset, radius in mission.discs)
+    return [about, min(radius for _, radius in mission.discs)]
 
 
 def check_figures(committed: Committed) -> list[Violation]:
@@ -120,10 +131,13 @@ def _check_clearance(committed: Committed) -> list[Violation]:
     config = committed.config.costmap
     if config.class_margins or config.max_slope > 0.0:  # not the cells of the map count
         return []
-    size, body = committed.config.map.resolution, committed.body
-    reach_m = body.radius + committed.margin + config.cost_range
-    reach = math.ceil(reach_m / size + body.half_diagonal)  # cells
-    cells = body.cells(committed.map, committed.path, reach * size)
+    size, mission = committed.config.map.resolution, committed.mission
+    radii = radii_of(mission)
+    inflation = (min(radii) + committed.margin) / size + 0.5 * math.sqrt(
+        2.0 if committed.body.flat else 3.0
+    )
+    reach = math.ceil(inflation + (config.cost_range + max(radii) - min(radii)) / size)  # cells
+    cells = committed.body.cells(committed.map, committed.path, reach * size)
     least = cells.least_distance(cells.touched(committed.path), cells.not_free, float(reach))
     said = committed.decision.least_clearance_m / size
     if abs(said - least) <= 1.0 + CELL_ROUNDING:

@@ -65,8 +65,6 @@ def drive_along(course: Course, tail_first: bool) -> Decided | None:
     slow_end = _unknown_end(input, path)
     doubtful = input.uncertain or input.noisy
     share = input.behaviour.uncertain_speed_fraction if doubtful else 1.0
-    if not input.optimistic.turnable_along(state.path):
-        share = min(share, input.behaviour.narrow_speed_fraction)
     trajectory = fit_trajectory(input, start, path, share, tail_first, slow_end)
     if trajectory is None:
         return None
@@ -116,6 +114,8 @@ def fit_trajectory(
     """
     if tail_first:
         speed_share = min(speed_share, input.behaviour.reverse_speed_fraction)
+    if input.traversable.discs:
+        speed_share = min(speed_share, input.behaviour.narrow_speed_fraction)
     braking = stopping_distance(start.speed, start.acceleration, input.gait.limits)
     return shortened_to_fit(
         input,

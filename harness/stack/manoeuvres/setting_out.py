@@ -42,11 +42,10 @@ MAX_STEP = 0.5
 
 def set_out(course: Course) -> Decided | None:
     """Leave rest with an elongated body: nose first, or tail first where it cannot turn about."""
+    if not (course.at_rest and course.headed):
+        return None
     input, state, start, _, part = course
     path = state.path
-    turnable = input.traversable.turnable_along(truncate(path, part.length))
-    if not course.leaves_rest or turnable:
-        return None
     nose_first = heading_at(path, min(0.1, 0.5 * arc_length(path)))
     for target, backwards in headings_to_start_at(input.traversable, start, nose_first):
         error = abs(wrap_angle(target - start.heading))
@@ -91,7 +90,7 @@ def step_aside(course: Course) -> Decided | None:
 def turn_into_path(course: Course) -> Decided | None:
     """Turn in place into the path, with a body at rest that turns before it moves."""
     input, start, path = course.input, course.start, course.state.path
-    if not course.leaves_rest:
+    if not course.at_rest:
         return None
     target = heading_at(path, min(0.2, 0.5 * arc_length(path)))
     error = abs(wrap_angle(target - start.heading))
@@ -108,11 +107,8 @@ def turn_while_driving(course: Course) -> Decided | None:
 def _drive_turning(course: Course, tail_first: bool) -> Decided | None:
     """Drive the global path and turn into it meanwhile; None if it does not fit until it has."""
     driven = drive_along(course, tail_first)
-    if driven is None:
-        return None
-    trajectory = driven.command.trajectory
-    free = course.input.traversable.turnable_along(trajectory.path)
-    return driven if free or _turns_into_path(trajectory, tail_first) else None
+    turns = driven is not None and _turns_into_path(driven.command.trajectory, tail_first)
+    return driven if turns else None
 
 
 def _turns_into_path(trajectory: Trajectory, tail_first: bool) -> bool:

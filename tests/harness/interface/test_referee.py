@@ -32,14 +32,20 @@ def verdict(
     **rectangles,
 ):
     states = make_states(**rectangles)
+    circumscribed = make_input(states, ROUND if body is ROUND else wide(), policy, position)
     seen = {} if observed is None else {"observed_ns": observed, "time_ns": 10**10}
-    input = make_input(states, body, policy, position, **seen)
+    oriented = make_input(states, body, policy, position, **seen)
     velocity = np.array([speed, 0.0, 0.0])
     reference = Reference(place(*position), velocity, heading, 0.0, at_rest=speed == 0.0)
     if isinstance(motion, Velocity | Waypoints | Samples):
         motion = trajectory_of(motion, (reference, reference), PERIOD_NS, LIMITS, planar=True)
         motion = motion.trajectory
-    return judge(motion, input)
+    return judge(motion, circumscribed, oriented)
+
+
+def wide():
+    """The disc about the long body."""
+    return type(LONG)((0.0,), (0.5,))
 
 
 def to(x, y=2.05):
@@ -138,7 +144,7 @@ def test_what_is_free_along_its_path_is_admitted_whichever_corners_of_cells_it_p
                 1.0,
             )
             free = input.traversable.free_length(motion.path) >= arc_length(motion.path) - 1e-6
-            assert (judge(motion, input).verdict == "admitted") == free
+            assert (judge(motion, input, input).verdict == "admitted") == free
             admitted += free
     assert 375 < admitted < 860  # both are common
 
@@ -149,4 +155,4 @@ def test_a_body_that_is_under_way_is_judged_from_where_it_is():
     behind = make_states(occupied=[(1.0, 1.2, 2.0, 2.2)])
     for passed_ns, expected in ((0, "blocked"), (1_500_000_000, "admitted")):
         input = make_input(behind, effect_ns=passed_ns)
-        assert judge(motion, input).verdict == expected
+        assert judge(motion, input, input).verdict == expected

@@ -6,6 +6,7 @@ from dataclasses import fields, replace
 from pathlib import Path
 
 import msgspec
+import numpy as np
 import pytest
 import zstandard
 
@@ -23,14 +24,18 @@ from wayproof.harness.replay.verify import verify
 from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.stack import keyframe as schedule
 from wayproof.harness.stack.state import (
+    ClosedGap,
     Exploration,
+    LostWay,
+    Narrows,
     PathLoss,
     PlannerState,
     Route,
     Trails,
     Tries,
 )
-from wayproof.planners import Trajectory
+from wayproof.harness.stack.state_messages import read_state, state_message
+from wayproof.planners import Trajectory, hold
 from wayproof.planners.jerk_limited import Profile
 
 OFTEN = ("episode.time_limit=3", "keyframe_period=1")
@@ -272,9 +277,31 @@ def test_a_log_without_room_ends_without_a_map(monkeypatch, tmp_path):
         (Route, pb.Route),
         (Tries, pb.Tries),
         (Trails, pb.Trails),
+        (Narrows, pb.Narrows),
+        (ClosedGap, pb.ClosedGap),
+        (LostWay, pb.LostWay),
         (Trajectory, pb.CommittedTrajectory),
         (Profile, pb.Profile),
     ],
 )
 def test_a_keyframe_holds_every_field_of_the_state(kind, message):
     assert [one.name for one in fields(kind)] == [one.name for one in message.DESCRIPTOR.fields]
+
+
+def test_closed_gaps_come_back_as_they_were_and_damaged_ones_are_refused():
+    gaps = (ClosedGap((1.0, 0.1, 0.3), 1), ClosedGap((-2.0, 7.0, 0.3), 3))
+    lost = LostWay((0.1, 0.2, 0.3), 4.5, 1_700_000_000)
+    state = PlannerState((hold(np.zeros(3), 0, 0.0),), narrows=Narrows(True, gaps, lost))
+    message = state_message(state)
+    back = read_state(message)
+    assert back.narrows == state.narrows
+    for change in (
+        lambda one: one.narrows.closed[0].place.append(1.0),
+        lambda one: setattr(one.narrows.closed[1], "tries", 0),
+        lambda one: setattr(one.narrows.lost, "length_m", math.nan),
+        lambda one: one.narrows.closed.extend([one.narrows.closed[0]] * 1001),
+    ):
+        damaged = pb.PlannerState.FromString(message.SerializeToString())
+        change(damaged)
+        with pytest.raises(ValueError, match=r"place|closed|length_m"):
+            read_state(damaged)

@@ -133,10 +133,10 @@ def at_rest(position=START, heading=0.0, **others):
 
 
 def changed(state, **values):
-    """Return a state with other fields: its own, and those of its route, tries, trails."""
+    """Return a state with other fields: its own, and those of its route, tries, trails, narrows."""
     if "global_path" in values:
         state = replace(state, route=Route(values.pop("global_path")))
-    for name in ("route", "tries", "trails"):
+    for name in ("route", "tries", "trails", "narrows"):
         part = getattr(state, name)
         own = {key: values.pop(key) for key in [*values] if hasattr(part, key)}
         state = replace(state, **{name: replace(part, **own)}) if own else state

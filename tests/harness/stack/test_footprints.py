@@ -1,4 +1,4 @@
-"""Where an elongated body fits at its heading, and when its way has room to turn."""
+"""Where an elongated body fits at its heading, and when it is planned as its disc."""
 
 import dataclasses
 import math
@@ -15,14 +15,13 @@ from tests.harness.stack.make_input import (
     make_input,
     make_states,
     place,
-    top_speed,
 )
-from wayproof.harness.stack.decide import decide
 from wayproof.harness.stack.footprint_checks import (
     first_misfit,
     headings_to_start_at,
     truncate_where_turnable,
 )
+from wayproof.harness.stack.footprint_mode import MAX_STEP, decide_with_footprint
 from wayproof.planners import (
     Body,
     FreeSpace,
@@ -95,61 +94,106 @@ def test_tail_first_to_the_first_place_where_it_turns(lane):
     assert truncate_where_turnable(lane, path(2.0, 3.0), 0.0)[-1, 0] == 3.0
 
 
+DISC = Body((0.0,), (LONG.circumscribed_radius,))
+"""The disc about the long body."""
+
 GAP = make_states(occupied=[(3.0, 4.5, 0.0, 1.7), (3.0, 4.5, 2.4, 4.0)])
 """A gap of 0.7 m between start and goal: the disc of 1 m does not fit, the body of 0.4 m does."""
 
 
-def decided_in(states=None, state=None, **room):
-    """The command in a room, and the space that its global path was searched in."""
-    input = make_input(states, LONG, **room)
-    return decide(input, state or at_rest()).command, input.optimistic
+class Oriented:
+    """Makes the input of the oriented footprint, and counts how often."""
+
+    def __init__(self, **room):
+        self.calls, self._room = 0, room
+
+    def __call__(self):
+        self.calls += 1
+        return make_input(body=LONG, **self._room)
 
 
-def test_where_there_is_room_to_turn_the_way_has_it_all_along():
-    command, space = decided_in(make_states(occupied=[(3.0, 3.5, 1.5, 4.0)]))
-    assert command.action in ("follow", "slow")
-    assert space.turnable_along(command.global_path)
+def decide_in(states=None, state=None, **room):
+    """The decision in a room, and how often the oriented input was made."""
+    oriented = Oriented(states=states, **room)
+    circumscribed = make_input(states, DISC, **room)
+    decided = decide_with_footprint(circumscribed, oriented, state or at_rest())
+    assert decided.input.traversable.discs == (
+        make_input(states, LONG).traversable.discs if decided.state.narrows.oriented else ()
+    )
+    return decided, oriented.calls
 
 
 def test_a_gap_too_narrow_for_the_disc_is_taken_at_the_heading():
-    command, space = decided_in(GAP)
-    assert command.action == "follow"
-    assert command.global_path[-1] == pytest.approx(place(*GOAL))
-    assert not space.turnable_along(command.global_path)
-    inside = np.abs(command.global_path[:, 0] - 3.75) < 0.75
+    decided, calls = decide_in(GAP)
+    assert decided.state.narrows.oriented
+    assert calls == 1
+    assert decided.command.action == "follow"
+    assert decided.command.global_path[-1] == pytest.approx(place(*GOAL))
+    inside = np.abs(decided.command.global_path[:, 0] - 3.75) < 0.75
     assert inside.any()
-    assert np.abs(command.global_path[inside, 1] - 2.05).max() < 0.2
+    assert np.abs(decided.command.global_path[inside, 1] - 2.05).max() < 0.2
 
 
-def test_where_the_body_cannot_turn_it_is_slower():
-    narrow, _ = decided_in(GAP)
-    wide, _ = decided_in()
-    share = make_input(body=LONG).behaviour.narrow_speed_fraction
-    assert top_speed(narrow.trajectory) == pytest.approx(share * top_speed(wide.trajectory), 0.01)
+def test_where_neither_footprint_leads_on_the_decision_is_that_of_the_disc():
+    wall = make_states(occupied=[(3.0, 4.5, 0.0, 4.0)])
+    decided, calls = decide_in(wall)
+    assert calls == 1
+    assert not decided.state.narrows.oriented
+    assert (decided.command.action, decided.command.label) == ("stop_and_wait", "no_path")
 
 
-def test_where_no_heading_leads_on_there_is_no_path():
-    command, _ = decided_in(make_states(occupied=[(3.0, 4.5, 0.0, 4.0)]))
-    assert (command.action, command.label) == ("stop_and_wait", "no_path")
+def in_gap(heading=0.0, **state):
+    """A long body inside the gap on its way to the goal, and the room about it."""
+    position = (3.75, 2.05)
+    path = np.array([place(*position), place(*GOAL)])
+    return at_rest(position, heading, global_path=path, oriented=True, **state), {
+        "position": position,
+        "heading": heading,
+    }
 
 
-def test_a_body_that_grazes_a_gap_steps_back_into_it():
-    position = (3.75, 2.22)
-    command, _ = decided_in(GAP, at_rest(position), position=position)
-    assert command.reason.kind == "leaving_inflation"
-    assert 0.0 < command.reason.distance_m <= 0.1
-    assert command.trajectory.path[-1, 1] < position[1]
+def test_the_oriented_footprint_is_kept_where_the_rest_of_the_path_is_too_narrow():
+    state, room = in_gap()
+    decided, calls = decide_in(GAP, state, **room)
+    assert decided.state.narrows.oriented
+    assert calls == 1
 
 
-@pytest.mark.parametrize(("length_before", "turns"), [(5.5, False), (1.85, False), (1.0, True)])
-def test_a_detour_with_room_to_turn_loses_to_a_narrow_way_that_is_none(length_before, turns):
+@pytest.mark.parametrize(("aside", "oriented"), [(0.17, True), (0.27, False)])
+def test_a_body_that_grazes_a_gap_steps_back_into_it_where_its_disc_has_no_way_out(aside, oriented):
+    position = (3.75, 2.05 + aside)
+    decided, calls = decide_in(GAP, at_rest(position, oriented=True), position=position)
+    assert calls == 1
+    assert decided.state.narrows.oriented is oriented
+    reason = decided.command.reason
+    assert reason.kind == "leaving_inflation"
+    assert (reason.distance_m is not None) is oriented
+    if oriented:
+        assert 0.0 < reason.distance_m <= MAX_STEP
+        assert decided.command.trajectory.path[-1, 1] < position[1]
+
+
+def test_the_disc_does_not_return_while_the_body_moves_tail_first():
+    position = (5.3, 2.05)
+    path = np.array([place(*position), place(*GOAL)])
+    for heading, oriented in ((0.0, False), (np.pi, True)):
+        state = at_rest(position, heading, global_path=path, oriented=True)
+        decided, _ = decide_in(GAP, state, position=position, heading=heading)
+        assert decided.state.narrows.oriented is oriented
+
+
+@pytest.mark.parametrize(
+    ("length_before", "oriented", "calls"), [(5.5, False, 0), (1.85, True, 1), (1.0, False, 1)]
+)
+def test_a_detour_of_the_disc_loses_to_the_oriented_footprint_that_makes_none(
+    length_before, oriented, calls
+):
     """A gap for the body straight ahead, 5.5 m, and a way of 5.9 m for the disc.
 
-    Longer than twice the path before and 2 m more is a detour: 5.7 m and 4 m here. The first path
-    is valid, and kept.
+    Longer than twice the path before and 2 m more is a detour: 13 m, 5.7 m and 4 m here.
     """
     states = make_states(occupied=[(3.0, 3.5, 0.0, 1.7), (3.0, 3.5, 2.4, 2.5)])
     before = np.array([place(*START), place(START[0] + length_before, 2.05)])
-    command, space = decided_in(states, at_rest(global_path=before))
-    assert command.action in ("follow", "slow")
-    assert space.turnable_along(command.global_path) is turns
+    decided, made = decide_in(states, at_rest(global_path=before))
+    assert decided.command.action in ("follow", "slow")
+    assert (decided.state.narrows.oriented, made) == (oriented, calls)

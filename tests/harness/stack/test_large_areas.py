@@ -200,7 +200,9 @@ def test_a_way_is_about_as_long_as_the_shortest_over_all_cells(robot):
     crates(whole, 0)
     whole.costmap.update(config.costmap.localization_margin)
     space = (
-        FreeSpaceBuilder(config, mission, whole.costmap, omnidirectional=True).spaces().optimistic
+        FreeSpaceBuilder(config, mission, whole.costmap, omnidirectional=True)
+        .spaces(circumscribed=True)
+        .optimistic
     )
     space = replace(space, cost_by_distance=np.zeros_like(space.cost_by_distance))
     shortest = plan(space, start, whole.planning_point(goal), PlannerConfig(), seed=1)

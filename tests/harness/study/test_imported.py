@@ -5,11 +5,13 @@ import pytest
 
 from tests.harness.study.benchmark_files import barn_folder, field_folder
 from wayproof.harness.cli.main import main
+from wayproof.harness.log.codec.messages import read_messages
 from wayproof.harness.log.reader import open_log
 from wayproof.harness.replay.audit import audit
 from wayproof.harness.replay.replay import replay
 from wayproof.harness.runner import run_episode
 from wayproof.harness.scenario.scenario import build
+from wayproof.harness.schema import wayproof_pb2 as pb
 from wayproof.harness.study.file import read_study
 from wayproof.harness.study.plan import plan_episodes
 from wayproof.harness.study.store import Store
@@ -45,10 +47,13 @@ def test_worlds_of_barn_have_their_published_way(here):
 
 @pytest.mark.large
 def test_a_long_body_goes_through_a_gap_in_which_it_cannot_turn(here):
-    """With room to turn where there is any, at its heading in the gap; and the audit agrees."""
+    """As a disc where that leads on, as its discs in the gap; and the audit agrees."""
     _, (one,) = planned("barn", barn_folder(here, gap=1.0), "seeds=[1]")
     result = run_episode(build(one.config), here / "a.mcap")
     assert (result.outcome, result.collisions) == ("success", 0)
+    decisions = [m for m in read_messages(here / "a.mcap") if isinstance(m, pb.Decision)]
+    slender, wide = sorted({round(decision.inflation_radius_m, 6) for decision in decisions})
+    assert wide - slender == pytest.approx(0.245)
     found = audit(here / "a.mcap")
     assert found.violations == ()
     assert found.swept > 50

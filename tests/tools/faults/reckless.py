@@ -6,22 +6,23 @@ from dataclasses import replace
 
 import numpy as np
 
+from wayproof.harness.stack.footprint_mode import FootprintDecision
 from wayproof.harness.stack.pipeline import Navigator
 from wayproof.harness.stack.planner_input import FreeSpaceBuilder
 from wayproof.harness.stack.reasons import Reason
 from wayproof.harness.stack.state import Route
-from wayproof.harness.stack.types import Array, Command, Decided, PlannerInput, arc_length
+from wayproof.harness.stack.types import Array, Command, PlannerInput, arc_length
 from wayproof.planners import Disc, PathState, follow_path
 
 
 class Reckless(Navigator):
     """Stack that goes straight to its goal, regardless of the map."""
 
-    def _decide(self, planner_input: PlannerInput) -> Decided:
+    def _decide(self, planner_input: PlannerInput) -> FootprintDecision:
         decided = super()._decide(planner_input)
         if decided.command.action == "goal":
             return decided
-        given = planner_input
+        given = decided.input
         if given.sequence == 0:
             self._straight = follow_path(
                 np.stack([given.position, given.goal]),
@@ -43,13 +44,13 @@ class Reckless(Navigator):
         )
         committed = (*decided.state.committed[:-1], straight)
         state = replace(decided.state, committed=committed, route=Route(straight.path))
-        return Decided(command, state)
+        return FootprintDecision(command, state, given)
 
 
 class PointSpaces(FreeSpaceBuilder):
     """Free space of a point body."""
 
-    def _threshold(self) -> int:
+    def _threshold(self, circumscribed: bool) -> int:
         return 1
 
     def _costs(self) -> Array:
