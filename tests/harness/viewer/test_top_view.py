@@ -1,7 +1,5 @@
 """Pictures of single decisions from above."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -52,8 +50,14 @@ def test_a_decision_that_is_not_there(tmp_path, capsys, failed):
 
 
 def test_a_log_without_decisions_has_no_picture(tmp_path, capsys, recorded):
-    stack = Path(__file__).parents[1] / "interface" / "stacks_on_trial.py"
-    log = recorded("empty", "quadruped", 1, f"stack.name={stack}:Nothing").log
+    stack = tmp_path / "mute.py"
+    stack.write_text(
+        "class Mute:\n"
+        "    def start(self, task): pass\n"
+        "    def step(self, observation): return 'no command'\n"
+        "    def close(self): pass\n"
+    )
+    log = recorded("empty", "quadruped", 1, f"stack.name={stack}:Mute").log
     for name in (["--decision", "0", "--png", "x.png"], ["--movie", "x.gif"]):
         out = tmp_path / name[-1]
         assert main(["view", log, *name[:-1], str(out), "--allow-plugins"]) == 2
