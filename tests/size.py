@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parents[1]
-SOURCE = ("harness", "models", "maps", "planners")
+SOURCE = ("harness", "models", "maps", "planners", "src/wayproof")
 GENERATED = ("_pb2.py", "_pb2.pyi")
 
 COUNTED = {
