@@ -191,38 +191,6 @@ def plan(
     return _with_path(space, kind, poses=best, cost=best_cost, used=used)
 
 
-def finish_path(
-    space: FreeSpace,
-    start: Floats,
-    goal: Floats,
-    config: PlannerConfig,
-    seed: int,
-    heading: float,
-    poses: Floats,
-    used: int,
-) -> Plan:
-    """Make a plan of a path by shortcuts, with its cost.
-
-    Args:
-        space: Free space.
-        start: World frame, m, shape (3,).
-        goal: World frame, m, shape (3,).
-        config: As for `plan`.
-        seed: As for `plan`.
-        heading: As for `plan`.
-        poses: Poses from start to goal, shape (n, 4), free edge by edge.
-        used: Iterations of a planner's loop that it took.
-    """
-    kind = state_space_of(config, space)
-    begin = _pose(start, heading)
-    end = _pose(goal, poses[-1][3])
-    if kind.curved or not _fits(space, kind, end):
-        return plan(space, start, goal, config, seed, heading)
-    query = Query(space, kind, start=begin, goal=end, turning_radius=config.turning_radius)
-    poses = smoothed(query, poses, config, plan_seed(seed, "restart", 0))
-    return _with_path(space, kind, poses, _cost(query, poses, config.clearance_weight), used)
-
-
 def smoothed(query: Query, poses: Floats, config: PlannerConfig, seed: int) -> Floats:
     """Lower a path's cost by seeded shortcuts, shape (n, 4); curves stay as they are."""
     space, weight = query.space, float(config.clearance_weight)

@@ -230,20 +230,6 @@ class Perturbation(msgspec.Struct, frozen=True, kw_only=True, tag_field="kind"):
             return scale[below]
         return scale[below] + share * (scale[below + 1] - scale[below])
 
-    @classmethod
-    def severity_of(cls, amount: float) -> float:
-        """Return the severity of an amount.
-
-        Raises:
-            ValueError: The amount is outside the scale.
-        """
-        scale = (cls.nothing, *cls.values)
-        if not scale[0] < amount <= scale[-1]:
-            raise ValueError(
-                f"got {amount:g}, expected more than {scale[0]:g}, up to {scale[-1]:g}"
-            )
-        return float(np.interp(amount, scale, range(len(scale))))
-
     def is_active(self, time_ns: int) -> bool:
         """Return whether it acts at a simulated time."""
         if self.window is None:

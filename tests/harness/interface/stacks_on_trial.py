@@ -5,9 +5,12 @@ import json
 
 import numpy as np
 
-from wayproof.harness.interface.builtin import BuiltinStack
+from wayproof.harness.interface.local_costmap import config_of, inputs_of
+from wayproof.harness.interface.motion import trajectory_of
 from wayproof.harness.interface.stacks.blind import Blind
 from wayproof.harness.interface.types import Command, Grid, Samples, Velocity, Waypoints
+from wayproof.harness.stack.build import build_navigator
+from wayproof.harness.stack.planner_input import motion_limits
 
 
 class Base:
@@ -125,6 +128,54 @@ class Random(Base):
 class ClaimsInMotion(Base):
     def step(self, observation):
         return Command(Velocity(0.5), "goal")
+
+
+class BuiltinStack:
+    """The built-in stack behind the interface, with no way in that others lack."""
+
+    def start(self, task):
+        config = config_of(task)
+        self._deadline_s, self._planar = task.deadline_s, task.mission.planar
+        self._limits = motion_limits(config, task.mission)
+        beams = {name: sensor.beams for name, sensor in task.sensors.items()}
+        self._navigator = build_navigator(config, task.mission, beams)
+
+    def step(self, observation):
+        navigator = self._navigator
+        if observation.last is not None:
+            self._commit_last(observation)
+        self._decision = navigator.step(inputs_of(observation))
+        trajectory = navigator.draft.trajectory
+        path = navigator.draft.global_path
+        return Command(
+            trajectory,
+            self._decision.action,
+            self._decision.label,
+            self._decision.reason,
+            path,
+            self._decision.map_version,
+        )
+
+    def close(self):
+        pass
+
+    def _commit_last(self, observation):
+        navigator, last = self._navigator, observation.last
+        late = last.fate == "late"
+        navigator.commit(self._decision, 2.0 * self._deadline_s if late else 0.0)
+        if last.fate == "cut":  # the body brakes to rest, from where it is commanded to be
+            reference = observation.reference
+            position = navigator.mapper.planning_point(reference.position)
+            reference = dataclasses.replace(reference, position=position)
+            brake = trajectory_of(
+                Velocity(0.0, duration_s=0.0),
+                (reference, reference),
+                observation.effect_ns,
+                self._limits,
+                planar=self._planar,
+            ).trajectory
+            state = dataclasses.replace(navigator.state, committed=(brake,), route=None)
+            navigator.load_state(state, navigator.chain)
 
 
 class Daring(BuiltinStack):
