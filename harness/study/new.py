@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -105,14 +106,19 @@ def seeds_that_decide(study: StudyFile) -> int:
 
 
 def _held_from(gate: Gate, confidence: float, least: int) -> int:
-    for seeds in range(least, MOST_SEEDS + 1):
+    """Return the least number of seeds that holds a gate: with more it is held as well."""
+
+    def held(seeds: int) -> bool:
         interval = gate.interval(_best(gate, seeds), confidence)
-        if interval is not None and verdict_of(gate, interval) == "held":
-            return seeds
-    raise InputError(
-        f"gate '{gate.text}': {MOST_SEEDS} seeds without a loss do not show it, expected a wider "
-        "bound"
-    )
+        return interval is not None and verdict_of(gate, interval) == "held"
+
+    seeds = least + bisect_left(range(least, MOST_SEEDS + 1), True, key=held)
+    if seeds > MOST_SEEDS:
+        raise InputError(
+            f"gate '{gate.text}': {MOST_SEEDS} seeds without a loss do not show it, expected a "
+            "wider bound"
+        )
+    return seeds
 
 
 def _best(gate: Gate, seeds: int) -> Values:

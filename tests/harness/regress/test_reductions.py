@@ -8,8 +8,8 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wayproof.harness.regress.folder import toml_of
 from wayproof.harness.regress.reductions import fewest, first
+from wayproof.harness.study.new import toml_of
 from wayproof.models.toml_text import parse_toml
 
 
