@@ -139,7 +139,8 @@ class SlotPool:
     def find(self, keys: NDArray[np.integer]) -> NDArray[np.int64]:
         """Return slots of keys (k, 3), -1 where there is none: (k,)."""
         slots = np.empty(len(keys), np.int64)
-        kernels.find_all(self.directory, keys.astype(np.int32, order="C", copy=False), slots)
+        # Those of a keyframe may not be written to, for which numba would compile it once more.
+        kernels.find_all(self.directory, np.require(keys, np.int32, ("C", "W")), slots)
         return slots
 
     def reserve(self, keys: NDArray[np.integer], stamp: int) -> Reservation:
