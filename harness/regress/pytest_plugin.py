@@ -76,10 +76,16 @@ def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Col
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     """Run a test of the marker once for each of its seeds."""
     marker = metafunc.definition.get_closest_marker(MARKER)
-    if marker is None or "episode" not in metafunc.fixturenames:
+    if marker is None:
         return
     seeds = marker.kwargs.get("seeds", 1)
     numbers = range(seeds) if isinstance(seeds, int) else list(seeds)
+    if "episode" not in metafunc.fixturenames or not numbers:  # it would pass, and nothing ran
+        got = "no argument 'episode'" if numbers else "no seeds"
+        raise pytest.Collector.CollectError(
+            f"marker '{MARKER}' of {metafunc.function.__name__}: {got}, expected at least one seed "
+            "and the argument 'episode'"
+        )
     metafunc.parametrize("episode", numbers, ids=[f"seed {one}" for one in numbers], indirect=True)
 
 

@@ -20,7 +20,7 @@ def _either(request, monkeypatch):
 
 
 def drawn(shape, share):
-    """Cells of which a share is set, the first among them."""
+    """Cells with a share of them set, the first among these."""
     cells = np.random.default_rng(3).random(shape) < share
     cells.flat[0] = True
     return cells

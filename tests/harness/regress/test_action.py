@@ -100,6 +100,7 @@ def test_a_pull_request_is_judged_against_the_base_branch(repository):
     assert runner.run("Run the study", "Verdict") == 0
     assert "collisions.every" in runner.summary.read_text()
     assert "success.every" not in runner.summary.read_text()
+    assert "Not compared" in runner.summary.read_text()
     (repository / "mine.py").write_text(BROKEN)
     assert runner.run("Run the study", "Verdict") == 1
     summary = runner.summary.read_text()

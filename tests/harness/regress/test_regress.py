@@ -174,3 +174,18 @@ def test_a_marked_test_runs_for_each_seed(tmp_path):
     assert "next: wayproof explain" in found.stdout
     assert "marker 'wayproof': unknown world 'nowhere'" in found.stdout
     assert "expected a test of the marker" in found.stdout
+
+
+@pytest.mark.parametrize(
+    ("seeds", "given", "said"),
+    [("0", "episode", "no seeds, expected"), ("2", "tmp_path", "no argument 'episode', expected")],
+)
+def test_a_marked_test_that_would_run_nothing_is_an_error(tmp_path, seeds, given, said):
+    (tmp_path / "test_mine.py").write_text(
+        "import pytest\n"
+        f"@pytest.mark.wayproof('empty', robot='drone', seeds={seeds})\n"
+        f"def test_of_nothing({given}):\n    pass\n"
+    )
+    found = run_pytest([sys.executable, "-m", "pytest", "-q", str(tmp_path)], tmp_path)
+    assert found.returncode == 2, found.stdout
+    assert said in found.stdout

@@ -1,4 +1,4 @@
-"""The verb `study` without worker processes, each of which would load everything first."""
+"""The verb `study` without worker processes, as each would load everything first."""
 
 from contextlib import nullcontext
 

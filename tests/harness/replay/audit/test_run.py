@@ -95,7 +95,7 @@ def added(**fields):
 
 
 def samples(name, law):
-    """Make the samples of a trajectory anew by a law of their number and value."""
+    """Make the samples of a trajectory again by a law of their number and value."""
 
     def change(decision):
         found = getattr(decision.trajectory, name)
